@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import dist, hypot, sqrt
 from typing import TypeAlias
 
-from fwav_companion.geometry.vectors import Matrix3, scale, subtract
+from fwav_companion.geometry.vectors import Matrix3, Vector3, scale, subtract
 
 Row: TypeAlias = tuple[float, ...]
 
@@ -22,6 +23,18 @@ def gram(n: Row, e: Row) -> Symmetric2:
     """The inner products nn, ne, ee of two rows."""
     nn, ee = hypot(*n) ** 2, hypot(*e) ** 2
     return (nn, 0.5 * (nn + ee - dist(n, e) ** 2), ee)
+
+
+def plus_diagonal(rows: Sequence[Row], values: Sequence[float]) -> tuple[Row, ...]:
+    """The square matrix of these rows + diag(values)."""
+    return tuple(
+        [(*row[:i], row[i] + value, *row[i + 1 :]) for i, (row, value) in enumerate(zip(rows, values, strict=True))]
+    )
+
+
+def diagonal(values: Sequence[float]) -> tuple[Row, ...]:
+    """Diag(values)."""
+    return plus_diagonal([(0.0,) * len(values)] * len(values), values)
 
 
 def symmetric_inverse(m: Matrix3) -> Matrix3:
@@ -49,6 +62,16 @@ def add_diagonal(m: Matrix3, horizontal: float, down: float) -> Matrix3:
     """M + diag(horizontal, horizontal, down)."""
     (a, b, c), (d, e, f), (g, h, i) = m
     return ((a + horizontal, b, c), (d, e + horizontal, f), (g, h, i + down))
+
+
+def add_outer(m: Matrix3, variance: float, column: Vector3) -> Matrix3:
+    """M + variance column column', for a symmetric m."""
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = m
+    n, e, d = column
+    by_n, by_e = variance * n, variance * e
+    nn, ne, nd = nn + by_n * n, ne + by_n * e, nd + by_n * d
+    ee, ed, dd = ee + by_e * e, ed + by_e * d, dd + variance * d * d
+    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
 def scaled(m: Matrix3, s: float) -> Matrix3:

@@ -31,7 +31,7 @@ from fwav_companion.recording.lines import sighting_line
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import (
     Frame,
     FrameView,
@@ -118,7 +118,7 @@ class CameraPipeline:
         Where lines are not used, a frame may settle with whatever comes next.
         """
         settles = self._reorder.wake_at if self._target_log.written else None
-        dues = (self._waiting.wake_at, settles, self._reorder.due_ns)
+        dues = (self._waiting.wake_at, settles, self._reorder.tracker.due_ns)
         return min([due for due in dues if due is not None], default=None)
 
     @property
@@ -152,7 +152,7 @@ class CameraPipeline:
 
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
-        self._reorder.catch_up(now)
+        self._reorder.tracker.catch_up(now)
         return self._closed(now)
 
     def _closed(self, now: HostNs) -> list[Settled]:
@@ -162,17 +162,17 @@ class CameraPipeline:
     @property
     def calibration(self) -> CalibrationReport | None:
         """Result of self-calibration by now; None without it."""
-        return self._reorder.calibration
+        return self._reorder.tracker.calibration
 
     @property
-    def best_targets(self) -> dict[int, TargetState]:
+    def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id."""
-        return self._reorder.best_targets
+        return self._reorder.tracker.best_targets()
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
         """What each landmark showed so far; a filter that they do not correct leaves them unapplied."""
-        return self._reorder.landmarks or self._landmarks.unapplied
+        return self._reorder.tracker.landmarks or self._landmarks.unapplied
 
     def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
         """Where the border of the newest picture meets the ground; empty without a recent picture."""
@@ -234,7 +234,7 @@ class CameraPipeline:
 
     def shift_by_landmark(self) -> str:
         """Shift an elevation model by what a landmark shows, or take that back; the notice, or ""."""
-        return self._shift.applied(self._localizer.ground, self._reorder.landmark_altitude, self.landmarks)
+        return self._shift.applied(self._localizer.ground, self._reorder.tracker.landmark_altitude, self.landmarks)
 
     def drop_all(self, reason: Reason) -> None:
         """Drop every track for this reason."""

@@ -6,7 +6,13 @@ from collections.abc import Iterable
 from math import hypot
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.client.identity import Adopted, ArmedChanged, AutopilotBack, AutopilotLost, IdentityEvent
+from fwav_companion.mavlink.client.identity_events import (
+    Adopted,
+    ArmedChanged,
+    AutopilotBack,
+    AutopilotLost,
+    IdentityEvent,
+)
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer

@@ -10,7 +10,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import Frame, NoFrame, Reason
 
 
@@ -73,7 +73,7 @@ class FrameHandlers:
         return 0 if self._camera is None else self._camera.waiting_detections
 
     @property
-    def best_targets(self) -> dict[int, TargetState]:
+    def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id."""
         return {} if self._camera is None else self._camera.best_targets
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from fwav_companion.mavlink.client.identity import (
+from fwav_companion.mavlink.client.identity_events import (
     Adopted,
     AutopilotBack,
     AutopilotLost,

@@ -22,7 +22,7 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import (
     Autopilot,
     BoardReport,
@@ -179,7 +179,7 @@ class Pipeline:
 
     def on_internal_fault(self, now: HostNs) -> None:
         """Stop our heartbeats for a while after an internal fault: our messages may be wrong."""
-        self._components.identity.fault()
+        self._components.identity.beats.fault()
         self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
 
@@ -228,7 +228,7 @@ class Pipeline:
         return self._target_log
 
     @property
-    def best_targets(self) -> dict[int, TargetState]:
+    def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id; a study asks what limits them."""
         return self._frames.best_targets
 
@@ -316,6 +316,6 @@ class Pipeline:
             self._clock_line_ns = self._seconds.next_after(due)
         if self._fault_over_ns is not None and due >= self._fault_over_ns:
             self._fault_over_ns = None
-            components.identity.fault_over()
+            components.identity.beats.fault_over()
         if self._live:
             self._speaker.speak(now)

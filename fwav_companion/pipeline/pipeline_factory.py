@@ -74,6 +74,7 @@ def make_pipeline(
     sightings: bool = False,
     unit: str = "",
     attitudes_kept_s: float | None = None,
+    clock_rate: float = 1.0,
     written: bool = True,
 ) -> Pipeline:
     """The pipeline of one flight; without a calibration that of a relay, which localizes nothing.
@@ -81,14 +82,14 @@ def make_pipeline(
     ``elevation``: tiles of [ground] terrain. ``kept``: a calibration of an earlier flight with this camera.
     ``own_filter``: replaces [tracking] filter; required where that names a class of the user (ConfigError).
     ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: for
-    callers that read attitudes long afterwards; None: as long as flying needs them. ``written``: false where the lines
-    are not used.
+    callers that read attitudes long afterwards; None: as long as flying needs them. ``clock_rate``: of the autopilot's
+    clock, by all arrivals of a recording. ``written``: false where the lines are not used.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
     if calibration is None and attitudes_kept_s is None:
         attitudes_kept_s = 0.0  # a relay interpolates none
-    telemetry = Telemetry(telemetry_options(config, attitudes_kept_s))
+    telemetry = Telemetry(telemetry_options(config, attitudes_kept_s, clock_rate))
     camera = None
     if calibration is not None:
         camera = make_camera(

@@ -28,7 +28,7 @@ from fwav_companion.self_calibration.innovation_consistency import InnovationCon
 from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUNT
 from fwav_companion.self_calibration.position_path import SmoothedReport
-from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, solved, with_drift
+from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, whitened, with_drift
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
 from fwav_companion.types import VehicleState
 
@@ -82,7 +82,7 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
         """
         if smoothed is None or vehicle.velocity_ned is None:
             return None
-        (off_n, off_e), (var_n, var_e) = smoothed
+        (off_n, off_e, _), (var_n, var_e, _) = smoothed
         north, east, (nn, ne, ee) = self.relative_to(vehicle.velocity_ned)
         return CalibratedFix(north + off_n, east + off_e, (nn + var_n, ne, ee + var_e))
 
@@ -95,24 +95,20 @@ class Assessment(msgspec.Struct, frozen=True):
     """Mean and one sigma of the observable parameters; of the mount with the heading's error in it."""
     keep: KeptCalibration | None
     """Calibration for the next flight: the mount without the heading, of which another flight has another error."""
-    factor: float
-    """Factor of the variance of every measurement (:class:`InnovationConsistency`)."""
-    denied: tuple[PriorInflation, ...] = ()
+    denied: tuple[PriorInflation, ...]
     """Priors of the configuration that the flight contradicts."""
-    mount_known: float = 1.0
+    mount_known: float
     """Largest sigma of the mount across the line of sight in units of its prior, as the flight shows it."""
-    drift: float = 1.0
-    """Factor of drifting innovations, as the flight shows it."""
-    posterior: tuple[Array, Array] | None = None
+    posterior: tuple[Array, Array]
     """Mean and covariance of the joint estimate, as it is believed."""
-    known: KnownParameters | None = None
+    known: KnownParameters
     """The parameters by it, by which fixes are corrected."""
-    places: dict[int, CalibratedPlace] = {}
+    places: dict[int, CalibratedPlace]
     """The targets, by track."""
 
     def position_delay_share(self, sigma_s: float) -> float:
         """Mean square of the position delay that is left, over the variance of its prior."""
-        if self.posterior is None or sigma_s == 0.0:
+        if sigma_s == 0.0:
             return 1.0
         (mean, cov), i = self.posterior, SharedParameter.POSITION_DELAY
         return float(mean[i] ** 2 + cov[i, i]) / sigma_s**2
@@ -165,12 +161,10 @@ def assessed(
         status=status,
         parameters=parameters,
         keep=keep,
-        factor=factor,
         denied=denied,
         mount_known=mount_known,
-        drift=shown,
         posterior=(mean, cov),
-        known=known_parameters(mean, cov, joint.priors.position_noise_m),
+        known=known_parameters(mean, cov, joint.priors),
         places=_places(joint, (mean, cov), published),
     )
 
@@ -227,7 +221,8 @@ def _distance2(mean: Array, cov: Array, means: Array, sigmas: Array) -> float:
     mean, cov = given(mean, cov, [SharedParameter.HEADING], np.zeros(1))
     tested = [int(i) for i in (*MOUNT_AXES, SharedParameter.HEIGHT) if sigmas[i] > 0.0]
     offset = mean[tested] - means[tested]
-    return float(offset @ solved(cov[np.ix_(tested, tested)], offset))
+    white = whitened(cov[np.ix_(tested, tested)], offset)
+    return float(white @ white)
 
 
 def _with_heading(mean: Array, cov: Array, down: Vector3) -> dict[int, tuple[float, float]]:

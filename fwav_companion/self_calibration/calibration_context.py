@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, hypot
 
-import msgspec
 import numpy as np
 
-from fwav_companion.geometry.stamps import BootNs, ns_from_s, s_from_ns
-from fwav_companion.geometry.vectors import ZERO3, Vector3
+from fwav_companion.geometry.stamps import BootNs, s_from_ns
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
 from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
+from fwav_companion.self_calibration.ground_gate import GroundGate
 from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.self_calibration.position_path import PositionPath, SmoothedReport
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, slow_rates
-from fwav_companion.types import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 from fwav_companion.types.tracks import GateResult
 
 DELAY_STEP_S = 0.015
@@ -28,7 +26,6 @@ DELAY_STEP_S = 0.015
 STEP_SIGMA_S = 0.6 * DELAY_STEP_S
 """One sigma of a hypothesis: what lies beyond half a step belongs to the next one."""
 SEARCH_SIGMAS = 3.0
-NO_TRACK = 0
 KNOT_S = 0.012
 """Interval at which states within the readout of a frame are requested. Extrapolated by half of it with linear rates, a
 beat of 5 degrees at 5 Hz errs by 0.006 degrees, at 10 Hz by 0.05: half of an attitude's own noise."""
@@ -49,11 +46,10 @@ class CalibrationContext:
         reach = SEARCH_SIGMAS * float(self.sigmas[SharedParameter.DELAY])
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
         self.delays = tuple(self.delay_s + i * DELAY_STEP_S for i in range(-steps, steps + 1))
-        # The newest frame: its fixes, their measurements at a delay, and their gates for a joint estimate.
+        # The newest frame: its fixes, and their gate by a joint estimate.
         self._frame: tuple[GroundFix, ...] = ()
         self._places: dict[int, int] = {}
-        self._batch: tuple[float, MeasurementBatch] | None = None
-        self._gates: tuple[FilterPass, list[list[float]], list[list[float]]] | None = None
+        self._gate: tuple[FilterPass, GroundGate] | None = None
         self._report: tuple[PositionPath, BootNs, SmoothedReport | None] | None = None
 
     def without_kept(self) -> CalibrationContext:
@@ -65,11 +61,16 @@ class CalibrationContext:
         """Whether there is more than one hypothesis of the delay."""
         return len(self.delays) > 1
 
-    def batch(self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None) -> MeasurementBatch:
-        """The measurements of fixes close in time by track, with poses at the delay, or at all hypotheses."""
+    def batch(
+        self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None, since_s: Sequence[float]
+    ) -> MeasurementBatch:
+        """The measurements of fixes close in time by track, with poses at the delay, or at all hypotheses.
+
+        ``since_s``: time since the previous measurement of each track.
+        """
         states = [fix.sighting.state for _, fix in fixes]
         poses = delayed_poses(states, self._grid(states, delay_s), self.state_at)
-        return measurement_batch(fixes, poses, [0.0] * len(fixes))
+        return measurement_batch(fixes, poses, since_s)
 
     def _grid(self, states: Sequence[VehicleState], delay_s: float | None) -> list[float]:
         """Delays before the first capture at which the states of all captures are requested."""
@@ -85,50 +86,25 @@ class CalibrationContext:
         return [delay_s - k * span_s / max(1, knots) for k in range(knots, -1, -1)]
 
     def expect(self, fixes: Sequence[GroundFix]) -> None:
-        """Remember the fixes of a frame: they are gated and measured as one batch."""
-        self._frame, self._batch, self._gates = tuple(fixes), None, None
+        """Remember the fixes of a frame: they are gated as one batch."""
+        self._frame, self._gate = tuple(fixes), None
         self._places = {id(fix): place for place, fix in enumerate(fixes)}
 
-    def gate(self, fix: GroundFix, place: int, delay_s: float, served: FilterPass) -> GateResult:
-        """Gating statistics of a fix against the target at this place of the joint estimate."""
-        index = self._index(fix)
-        if index is None:
-            self.expect([fix])
-            index = 0
-        if self._batch is None or self._batch[0] != delay_s:
-            self._batch = (delay_s, self.batch([(NO_TRACK, each) for each in self._frame], delay_s))
-        if self._gates is None or self._gates[0] is not served:
-            nis, log_det = served.best.gates(self._batch[1])
-            self._gates = (served, nis.tolist(), log_det.tolist())
-        return GateResult(self._gates[1][place][index], self._gates[2][place][index])
-
-    def prepared(self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None) -> MeasurementBatch | None:
-        """The measurements of fixes that were gated with complete poses; None: not yet."""
-        if self._batch is None or self._batch[0] != delay_s or self.state_at is None:
-            return None
-        index = [self._index(fix) for _, fix in fixes]
-        states = [fix.sighting.state for fix in self._frame]
-        if None in index or self._batch[1].poses.delay_s.shape[1] < len(self._grid(states, delay_s)):
-            return None
-        batch = self._batch[1].take([i for i in index if i is not None])
-        return msgspec.structs.replace(batch, tracks=tuple(track for track, _ in fixes))
-
-    def _index(self, fix: GroundFix) -> int | None:
-        return self._places.get(id(fix))  # the frame holds its fixes, so that no other object has their identity
-
-    def smoothed_report(self, smoother: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
-        """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""
-        if self._report is None or self._report[0] is not smoother or self._report[1] != vehicle.boot_ns:
-            self._report = (smoother, vehicle.boot_ns, smoother.report(vehicle, self.priors))
-        return self._report[2]
-
-    def slow_rates(self, nominal: VehicleState, delay_s: float) -> Vector3:
-        """The mean rates around a delay; zero where the states around it are not known."""
-        half_ns, middle_ns = ns_from_s(0.5 * SPAN_S), nominal.boot_ns - ns_from_s(delay_s)
+    def gate(self, fix: GroundFix, place: int, served: FilterPass) -> GateResult | None:
+        """Gating statistics of a fix against the target at this place of the joint estimate; None: not known."""
         if self.state_at is None:
-            return ZERO3
-        before, after = self.state_at(BootNs(middle_ns - half_ns)), self.state_at(BootNs(middle_ns + half_ns))
-        return ZERO3 if isinstance(before, Unpaired) or isinstance(after, Unpaired) else slow_rates(before, after)
+            return None
+        if id(fix) not in self._places:  # the frame holds its fixes, so that no other object has their identity
+            self.expect([fix])
+        if self._gate is None or self._gate[0] is not served:
+            self._gate = (served, GroundGate(served.best, self._frame, self.state_at))
+        return self._gate[1].gate(place, self._places[id(fix)])
+
+    def smoothed_report(self, path: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
+        """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""
+        if self._report is None or self._report[0] is not path or self._report[1] != vehicle.boot_ns:
+            self._report = (path, vehicle.boot_ns, path.report(vehicle, self.priors))
+        return self._report[2]
 
     def bank(self) -> FilterPass:
         """A pass with one hypothesis for each delay, each with a prior as wide as their interval."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from math import hypot
 
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, KnownParameters, fix_by
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, fix_by
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
@@ -21,10 +22,10 @@ from fwav_companion.self_calibration.filter_pass import FilterPass
 from fwav_companion.self_calibration.mean_axes import MeanAxes
 from fwav_companion.self_calibration.measurement_queue import MeasurementQueue
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.position_path import PositionPath
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
+from fwav_companion.self_calibration.rate_denoiser import SPAN_S
 from fwav_companion.self_calibration.relinearization import Relinearization
+from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
@@ -32,7 +33,7 @@ LAG_S = 0.06
 """Lag behind the newest frame, beyond the delays of the hypotheses: later attitudes must have arrived."""
 
 
-class CalibrationState(msgspec.Struct, frozen=True):
+class CalibrationState(msgspec.Struct, frozen=True, dict=True):
     """The state of self-calibration; :class:`Calibrator` has its steps."""
 
     context: CalibrationContext
@@ -45,8 +46,8 @@ class CalibrationState(msgspec.Struct, frozen=True):
     """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
     passes: Relinearization = Relinearization()
     axes: MeanAxes = MeanAxes()
-    denoiser: RateDenoiser = RateDenoiser()
-    smoother: PositionPath = PositionPath()
+    motion: VehicleMotion = VehicleMotion()
+    """The vehicle's motion at the newest measurements."""
     stamp_sigma_s: float = 0.0
     """One sigma of the open instant of the newest attitude stamps."""
     slow_attitude_hz: float | None = None
@@ -60,7 +61,7 @@ class CalibrationState(msgspec.Struct, frozen=True):
     mount_check: MountCheck = MountCheck()
     host_ns: HostNs = HostNs(0)
 
-    @property
+    @cached_property
     def due_ns(self) -> HostNs | None:
         """Instant to measure what waits even if no further frame comes: later, the vehicle's states are forgotten."""
         return self.queue.due_without_frame(ns_from_s(self._lag_s()))
@@ -87,13 +88,14 @@ class CalibrationState(msgspec.Struct, frozen=True):
 
         The fix alone where a flight shows that the vehicle's position does not wander smoothly.
         """
-        known, served, vehicle = self._known, self.passes.served, fix.sighting.state
-        if known is None or served is None:
+        assessment, served, vehicle = self.assessment, self.passes.served, fix.sighting.state
+        if assessment is None or served is None:
             return None
+        known = assessment.known
+        smoothed = self.context.smoothed_report(self.motion.path, vehicle)
         if served.wanders_quickly:
-            return known.corrected(fix)
-        smoothed = self.context.smoothed_report(self.smoother, vehicle)
-        return fix_by(fix, known, placed.along_path(vehicle, smoothed), claimed_m2)
+            return known.corrected(fix, smoothed)
+        return fix_by(fix, known, placed.along_path(vehicle, smoothed), claimed_m2, smoothed)
 
     @property
     def mistake(self) -> str:
@@ -132,13 +134,9 @@ class CalibrationState(msgspec.Struct, frozen=True):
     def gate(self, track: int, fix: GroundFix) -> GateResult | None:
         """Gating statistics of a fix against a target of the joint estimate; None where it holds no such target."""
         served = self.passes.served
-        if served is None or self.delay_s is None or track not in served.joint.tracks:
+        if served is None or track not in served.joint.tracks:
             return None
-        return self.context.gate(fix, served.joint.tracks.index(track), self.delay_s, served)
-
-    @property
-    def _known(self) -> KnownParameters | None:
-        return None if self.assessment is None else self.assessment.known
+        return self.context.gate(fix, served.joint.tracks.index(track), served)
 
     def _lag_s(self) -> float:
         earliest = self.context.delays[0] if self.delay_s is None else self.delay_s

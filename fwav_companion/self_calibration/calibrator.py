@@ -24,9 +24,15 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, FoundDelay, NoDelay, delay_search
-from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
-from fwav_companion.self_calibration.position_smoother import along_path
+from fwav_companion.self_calibration.measurement_queue import (
+    BATCH_NS,
+    SEARCH_NS,
+    DelayedMeasurement,
+    Frames,
+    samples_of,
+)
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.self_calibration.position_smoother import in_motion
 from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.relinearization import STEP, steps_within
 from fwav_companion.types import GroundFix
@@ -50,22 +56,24 @@ class Calibrator(CalibrationState, frozen=True):
         """The state after a frame with all fixes ``seen``; ``fixes`` by track; ``alive``: all live tracks."""
         mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s, self.context.priors)
         if mount_check.text and not self._explained:
-            return Calibrator(self.context, host_ns=host_ns, mount_check=mount_check, replaced=self.replaced)
-        frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))
-        state = msgspec.structs.replace(self, queue=self.queue.with_frame(frame), mount_check=mount_check)
+            return self._afresh(host_ns=host_ns, mount_check=mount_check)
+        queue = self.queue.with_frame(DelayedMeasurement(host_ns, tuple(fixes)))
+        state = msgspec.structs.replace(self, queue=queue, mount_check=mount_check)
         return state.caught_up(host_ns, alive)
 
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
         """The state after everything that is due is measured; ``alive``: all live tracks."""
-        due_ns = HostNs(host_ns - ns_from_s(self._lag_s()))
-        due, queue = self.queue.due(due_ns)
+        span_ns = SEARCH_NS if self.delay_s is None else BATCH_NS
+        due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())), span_ns)
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
+        if not due and state.search is None and state.passes.coming is None:
+            return state
         teaching = state._teaching(alive)
         for frames in due:
             if frames[0].host_ns >= state.idle_until_ns:
                 state = state._with_frames(frames, teaching)
         steps = steps_within(host_ns - self.host_ns)
-        return state._searched(steps)._passed(due_ns, steps)._assessed()
+        return state._searched(steps)._passed(steps)._assessed()
 
     def report(self) -> CalibrationReport:
         """The present state of self-calibration."""
@@ -76,7 +84,7 @@ class Calibrator(CalibrationState, frozen=True):
         keep = None if self.assessment is None else self.assessment.keep
         old = self.context
         context = old if keep is None else CalibrationContext(old.priors, old.state_at, keep)
-        return Calibrator(context, host_ns=self.host_ns, mount_check=self.mount_check, replaced=self.replaced)
+        return self._afresh(context=context)
 
     # Each step returns the next state.
 
@@ -93,43 +101,34 @@ class Calibrator(CalibrationState, frozen=True):
         known = self.passes.tracks.intersection(alive)
         return {*known, *sorted(set(alive) - known)[: max(0, MOST_TARGETS - len(known))]}
 
-    def _with_frames(self, frames: Sequence[DelayedMeasurement], alive: Collection[int]) -> Calibrator:
+    def _with_frames(self, frames: Frames, alive: Collection[int]) -> Calibrator:
         """With the fixes of a few frames as one batch; attitudes that distinguish no delay contribute nothing."""
-        queue, fixes, since_s = self.queue, list[tuple[int, GroundFix]](), list[float]()
-        batches = list[MeasurementBatch]()
-        for frame in frames:
-            index, since, queue = queue.taken(frame, alive)
-            fixes += [frame.fixes[i] for i in index]
+        context, found, queue, motions = self.context, self.delay_s, self.queue, [self.motion]
+        fixes, since_s, sample = list[tuple[int, GroundFix]](), list[float](), list[int]()
+        for each in samples_of(frames):
+            own, since, queue = queue.taken(each, alive)
+            if own:
+                middle = own[len(own) // 2][1].sighting.state
+                delay_s = context.delay_s if found is None else found
+                motions.append(motions[-1].after(middle, delay_s, context.state_at, context.priors))
+                sample += [len(motions) - 2] * len(own)
+            fixes += own
             since_s += since
-            if frame.batch is not None and index:
-                batches.append(frame.batch.take(index))
         if not fixes:
             return self
-        first = fixes[0][1].sighting.state
-        if first.stamp_sigma_s > DELAY_STEP_S:
-            rate_hz = 1.0 / first.spacing_s if first.spacing_s > 0.0 else 0.0
+        if middle.stamp_sigma_s > DELAY_STEP_S:
+            rate_hz = 1.0 / middle.spacing_s if middle.spacing_s > 0.0 else 0.0
             return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
-        context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
-        slow = context.slow_rates(middle, context.delay_s if found is None else found)
-        denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
-        complete = found is not None and sum(len(batch.tracks) for batch in batches) == len(fixes)
-        batch = joined(batches) if complete else context.batch(fixes, found)
         captures_s = np.array([s_from_ns(fix.sighting.boot_ns) for _, fix in fixes])
-        smoother, batch = self.smoother, batch.since(since_s)
-        if middle.position_ned is not None:
-            smoother, batch = along_path(smoother, batch, captures_s, context.priors)
+        batch = in_motion(context.batch(fixes, found, since_s), captures_s, motions[1:], sample)
         return msgspec.structs.replace(
             self,
             queue=queue,
-            denoiser=denoiser,
-            smoother=smoother,
+            motion=motions[-1],
             slow_attitude_hz=None,
             stamp_sigma_s=middle.stamp_sigma_s,
             axes=self.axes.with_batch(middle, batch),
-        )._measured(
-            batch.with_poses(denoiser.denoised(batch.poses, slow), found),
-            {track: fix.sighting.detection.label for track, fix in fixes},
-        )
+        )._measured(batch.nearest_to(found), {track: fix.sighting.detection.label for track, fix in fixes})
 
     def _measured(self, batch: MeasurementBatch, kinds: Mapping[int, str]) -> Calibrator:
         state = msgspec.structs.replace(self, passes=self.passes.with_batch(batch, kinds))
@@ -159,22 +158,15 @@ class Calibrator(CalibrationState, frozen=True):
         """After a search without result; another begins after a pause."""
         if self.context.kept is not None:
             return self._begun_again()
-        return Calibrator(
-            self.context,
-            host_ns=self.host_ns,
-            queue=self.queue,
-            idle_until_ns=HostNs(self.host_ns + SEARCH_PAUSE_NS),
-            mount_check=self.mount_check,
-            no_delay=no_delay,
-            replaced=self.replaced,
-        )
+        idle_until_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
+        return self._afresh(queue=self.queue, idle_until_ns=idle_until_ns, no_delay=no_delay)
 
     def _found(self, found: FoundDelay) -> Calibrator:
         passes = self.passes.begun(self.context, found.point, found.places)
         return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
-    def _passed(self, due_ns: HostNs, steps: int) -> Calibrator:
-        passes = self.passes.serving(due_ns).advanced(self.context, steps, settled=self.is_calibrated)
+    def _passed(self, steps: int) -> Calibrator:
+        passes = self.passes.advanced(self.context, steps, settled=self.is_calibrated)
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _assessed(self) -> Calibrator:
@@ -200,10 +192,9 @@ class Calibrator(CalibrationState, frozen=True):
 
     def _begun_again(self) -> Calibrator:
         """After the camera was moved since it was calibrated: the configuration is a better start."""
-        return Calibrator(
-            self.context.without_kept(),
-            host_ns=self.host_ns,
-            queue=self.queue,
-            mount_check=self.mount_check,
-            replaced=True,
-        )
+        return self._afresh(context=self.context.without_kept(), queue=self.queue, replaced=True)
+
+    def _afresh(self, **changes: object) -> Calibrator:
+        """With nothing estimated yet."""
+        state = Calibrator(self.context, host_ns=self.host_ns, mount_check=self.mount_check, replaced=self.replaced)
+        return msgspec.structs.replace(state, **changes)

@@ -112,7 +112,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
     def advanced(
         self, kept: Sequence[MeasurementBatch], steps: int, kinds: Mapping[int, str] | None = None
     ) -> DelaySearch:
-        """The search after its step of this frame, of so many kept batches. ``kinds``: label of each track."""
+        """The search after its step of this frame, of ``steps`` kept batches. ``kinds``: label of each track."""
         if not self.round:
             return self._next_round(0.0, inf) if self.begun and not self._flat else self
         hypotheses, trials = self.hypotheses, self.trials

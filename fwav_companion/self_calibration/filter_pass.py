@@ -140,18 +140,31 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         middle = np.where(met[:, None], middle, middle[met.argmax()])
         apart = np.where(hits, np.hypot(*np.moveaxis(points - middle[:, None], -1, 0)), np.inf)
         first = np.arange(len(own.tracks)) == apart.argmin(1)[:, None]
-        joint = self.joint.with_target(track, self.hints.get(track, middle))
-        joint, _ = joint.update((seen := joint.innovations(own)), first & seen.valid)
+        joint = self.joint.with_target(track, self._hint(track, middle))
+        joint, *_ = joint.update((seen := joint.innovations(own)), first & seen.valid)
         return msgspec.structs.replace(self, joint=joint)._updated(own, ~first)
 
+    def _hint(self, track: int, middle: Array) -> Array:
+        """(B, 2) linearization point of a new target: as far from those of the others as it is known to be, or the
+        ``middle`` of its measurements.
+        """
+        known = [each for each in self.joint.tracks if each in self.hints and self.joint.position.count]
+        if track not in self.hints or not known:
+            return self.hints.get(track, middle)
+        points = self.joint.linearization_point[:, SHARED_COUNT:]
+        index = [self.joint.tracks.index(each) for each in known]
+        moved = [points[:, 2 * k : 2 * k + 2] - self.hints[each] for k, each in zip(index, known, strict=True)]
+        return np.asarray(self.hints[track] + np.mean(moved, 0))
+
     def _updated(self, batch: MeasurementBatch, wanted: Mask | None = None) -> FilterPass:
-        joint, seen = self.joint, self.joint.innovations(batch)
+        joint, chosen = self.joint if self.drift is None else self.joint.displaced(), self.chosen
+        seen = joint.innovations(batch)
         if self.drift is not None and seen.displaced > MOST_DISPLACED:
-            joint = joint.relinearized()
+            joint = joint.relinearized(batch)
             seen = joint.innovations(batch)
         wanted = np.ones_like(seen.valid) if wanted is None else wanted
         fits = (seen.nis < GATE) & wanted
-        joint, score = joint.update(seen, fits)
+        joint, score, whitened = joint.update(seen, fits)
         refused = wanted & ~fits
         if refused.any():
             # An impossible measurement is charged as the worst, so that it cannot win a search.
@@ -165,14 +178,8 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
             score_variance=self.score_variance if searched is None else self.score_variance + searched,
             used=self.used + fits.sum(1),
             refused=self.refused + refused.sum(1),
-            drift=self._drift(batch.host_ns, seen, fits),
+            drift=None if self.drift is None else self.drift.seen(batch.host_ns, whitened[chosen], fits[chosen]),
         )
-
-    def _drift(self, host_ns: int, seen: PixelInnovations, fits: Mask) -> InnovationConsistency | None:
-        chosen = self.chosen
-        if self.drift is None or not fits[chosen].any():
-            return self.drift
-        return self.drift.seen(host_ns, seen, fits, chosen)
 
 
 def filter_pass(joint: JointFilter, hints: dict[int, Array], drift: InnovationConsistency | None = None) -> FilterPass:

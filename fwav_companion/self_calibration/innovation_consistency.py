@@ -14,7 +14,6 @@ import numpy as np
 
 from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.self_calibration.arrays import Array, Mask
-from fwav_companion.self_calibration.joint_filter import PixelInnovations
 from fwav_companion.types import Bias, ErrorPriors
 
 SHORTEST_NS = 500 * NS_PER_MS
@@ -47,15 +46,19 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
     closed: Array = np.zeros((SCALES, 2))
     """Statistics of the closed blocks of each length."""
 
-    def seen(
-        self, host_ns: int, innovations: PixelInnovations, used: Mask, hypothesis: int = 0
-    ) -> InnovationConsistency:
-        """The statistics after a batch, in the order of capture; earlier ones count as of the newest."""
+    def seen(self, host_ns: int, whitened: Array, used: Mask) -> InnovationConsistency:
+        """The statistics after a batch, in the order of capture; earlier ones count as of the newest.
+
+        ``whitened`` (2N): innovations of the ``used`` (N) measurements whitened by their covariance, u and v alternate.
+        """
+        count = int(used.sum())
+        if not count:
+            return self
         start_ns = host_ns if self.start_ns is None else self.start_ns
         index = max(self.index, max(0, host_ns - start_ns) // SHORTEST_NS)
         state = self._closed(index) if index > self.index else self
         blocks = state.blocks.copy()
-        blocks[0] += whitened_sums(innovations, used, hypothesis)
+        blocks[0] += (count, whitened[::2].sum(), whitened[1::2].sum())
         return InnovationConsistency(self.expected, start_ns, index, blocks, state.closed)
 
     @property
@@ -95,11 +98,3 @@ def drift_of(priors: ErrorPriors) -> InnovationConsistency:
     """The statistics before any innovation."""
     errs = priors.sigma(Bias.ROLL) > 0.0 or priors.sigma(Bias.PITCH) > 0.0
     return InnovationConsistency(EXPECTED if errs else 1.0)
-
-
-def whitened_sums(seen: PixelInnovations, used: Mask, b: int) -> Array:
-    """Sums (3) over the used innovations, whitened by their covariance: their number, u and v."""
-    k = np.flatnonzero(used[b])
-    each = (2 * k[:, None] + np.arange(2)).ravel()
-    white = np.linalg.solve(np.linalg.cholesky(seen.cov[b][each[:, None], each]), seen.difference[b][each])
-    return np.array((len(k), white[::2].sum(), white[1::2].sum()))

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from math import inf
+from operator import itemgetter
+from typing import TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.types import GroundFix
 
-BATCH_NS = 70 * NS_PER_MS
-"""Frames within this time are measured as one batch, three at 30 frames/s: an update costs the same whatever its size,
-and places change by millimetres meanwhile."""
+BATCH_NS, MOST_SIGHTS = 200 * NS_PER_MS, 40
+"""Time and fixes of the frames that are measured as one batch: an update of a few costs the same as one of many. The
+vehicle's position error, if of the quick kind, moves by 0.03 m meanwhile, a third of the noise of one report. With
+0.3 s the delay on circles of ArduCopter's simulator was claimed a sixth too small, to 1.3 ms. The matrices of 40 fixes
+of ten targets are so small that OpenBLAS uses one thread for each, whatever the environment allows: with 60, two
+threads took ten times the CPU of one."""
+SAMPLE_NS = 105 * NS_PER_MS
+"""Frames within this time share one sample of the vehicle's path and of its slow rates, four at 30 frames/s: positions
+come at 10 Hz."""
+SEARCH_NS = 70 * NS_PER_MS
+"""The same as BATCH_NS while the delay is searched, three frames at 30/s. With 0.3 s one of thirty flights over targets
+1.5 m apart ended with wrong places, with 0.1 s two over targets 3 m apart without a delay."""
 NO_FRAME_NS = 500 * NS_PER_MS
 """Wait for a further frame, before what is due is measured without one. Attitudes are kept for 3 s."""
 
@@ -22,14 +33,35 @@ class DelayedMeasurement(msgspec.Struct, frozen=True):
 
     host_ns: HostNs
     fixes: tuple[tuple[int, GroundFix], ...]
-    batch: MeasurementBatch | None = None
-    """Their measurements where the gate needed them already."""
+
+
+Frames: TypeAlias = tuple[DelayedMeasurement, ...]
+
+
+def samples_of(frames: Frames) -> list[Frames]:
+    """The frames of each sample."""
+    found = list[Frames]()
+    while frames:
+        found.append(_within(frames, SAMPLE_NS))
+        frames = frames[len(found[-1]) :]
+    return found
+
+
+def _within(frames: Frames, span_ns: int, most_sights: float = inf) -> Frames:
+    """The first frames within this time, with at most ``most_sights`` fixes; one frame at least."""
+    count, sights = 1, len(frames[0].fixes)
+    for frame in frames[1:]:
+        sights += len(frame.fixes)
+        if frame.host_ns > frames[0].host_ns + span_ns or sights > most_sights:
+            break
+        count += 1
+    return frames[:count]
 
 
 class MeasurementQueue(msgspec.Struct, frozen=True):
     """The waiting frames, in the order of their capture, and the last measurement of each track. Immutable."""
 
-    waiting: tuple[DelayedMeasurement, ...] = ()
+    waiting: Frames = ()
     taken_ns: dict[int, HostNs] = {}
     """Capture of the last measurement of each track."""
 
@@ -37,31 +69,33 @@ class MeasurementQueue(msgspec.Struct, frozen=True):
         """The queue with one more frame."""
         return MeasurementQueue((*self.waiting, frame), self.taken_ns)
 
-    def due(self, due_ns: HostNs) -> tuple[list[tuple[DelayedMeasurement, ...]], MeasurementQueue]:
-        """Groups of frames, the first BATCH_NS and more before ``due_ns``, and the rest."""
-        groups, waiting = list[tuple[DelayedMeasurement, ...]](), self.waiting
-        while waiting and waiting[0].host_ns <= due_ns - BATCH_NS:
-            until_ns, count = waiting[0].host_ns + BATCH_NS, 1
-            while count < len(waiting) and waiting[count].host_ns <= until_ns:
-                count += 1
-            groups.append(waiting[:count])
-            waiting = waiting[count:]
-        return groups, MeasurementQueue(waiting, self.taken_ns)
+    def due(self, due_ns: HostNs, span_ns: int = BATCH_NS) -> tuple[list[Frames], MeasurementQueue]:
+        """The frames of each batch that is due, and the queue of the others.
+
+        A batch is due when its first frame is ``span_ns`` or more before ``due_ns``.
+        """
+        batches, waiting = list[Frames](), self.waiting
+        while waiting and waiting[0].host_ns <= due_ns - span_ns:
+            first = _within(waiting, span_ns, MOST_SIGHTS)
+            batches.append(first)
+            waiting = waiting[len(first) :]
+        return batches, self if not batches else MeasurementQueue(waiting, self.taken_ns)
 
     def due_without_frame(self, lag_ns: int) -> HostNs | None:
         """Instant at which what waits is due although no further frame comes; None where nothing waits."""
         return HostNs(self.waiting[0].host_ns + lag_ns + BATCH_NS + NO_FRAME_NS) if self.waiting else None
 
     def taken(
-        self, frame: DelayedMeasurement, alive: Collection[int]
-    ) -> tuple[list[int], list[float], MeasurementQueue]:
-        """Indices of the frame's fixes of live tracks in the order of the tracks, and the seconds since the previous
-        measurement of each; 0 for the first.
+        self, frames: Frames, alive: Collection[int]
+    ) -> tuple[list[tuple[int, GroundFix]], list[float], MeasurementQueue]:
+        """The fixes of live tracks in the order of frames and tracks, and the seconds since the previous measurement
+        of each; 0 for the first.
         """
-        index = sorted(
-            (i for i, (track, _) in enumerate(frame.fixes) if track in alive), key=lambda i: frame.fixes[i][0]
-        )
-        tracks = [frame.fixes[i][0] for i in index]
-        since = [s_from_ns(frame.host_ns - self.taken_ns.get(track, frame.host_ns)) for track in tracks]
-        before = {track: taken_ns for track, taken_ns in self.taken_ns.items() if track in alive}
-        return index, since, MeasurementQueue(self.waiting, before | dict.fromkeys(tracks, frame.host_ns))
+        fixes, since_s = list[tuple[int, GroundFix]](), list[float]()
+        taken_ns = {track: taken_ns for track, taken_ns in self.taken_ns.items() if track in alive}
+        for frame in frames:
+            own = sorted([each for each in frame.fixes if each[0] in alive], key=itemgetter(0))
+            since_s += [s_from_ns(frame.host_ns - taken_ns.get(track, frame.host_ns)) for track, _ in own]
+            taken_ns |= dict.fromkeys([track for track, _ in own], frame.host_ns)
+            fixes += own
+        return fixes, since_s, MeasurementQueue(self.waiting, taken_ns)

@@ -13,6 +13,7 @@ from collections.abc import Collection, Sequence
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.self_calibration.arrays import (
@@ -44,6 +45,8 @@ NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
 LEAST_COSINE = 0.01
 """Cosine between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right
 angle they exceed the pixel's own noise by more than a double resolves."""
+LEAST_DOWN = 0.02
+"""Down component of a unit ray that meets the ground: 1.1 degrees below the horizon."""
 RANGED = ("rangefinder", "fixed")
 """Grounds at a distance below the camera, whatever its height."""
 
@@ -63,57 +66,30 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     """(N, 2), px."""
     lever: Array
     """(N, 3), camera in the body, m."""
-    scalars: Array
-    """(N, 9): see the properties."""
+    attitude_sigma: Array
+    """(N), one sigma of the attitude by interpolation, rad."""
+    attitude_spacing_s: Array
+    """(N), interval of the attitudes that were interpolated."""
+    time_noise_s: Array
+    """(N), one sigma of the capture, s."""
+    row_fraction: Array
+    """(N), position of the row in the readout."""
+    drop_m: Array
+    """(N), height of the camera above the target's ground, as reported."""
+    camera_down: Array
+    """(N), down coordinate of the camera at the nominal capture, m."""
+    since_s: Array
+    """(N), time since the previous measurement of the track; what shares its telemetry averages with the telemetry."""
+    frame: npt.NDArray[np.intp]
+    """(N), number of the frame: its measurements share one sample of telemetry."""
+    ranged: Mask
+    """(N), whether the ground is at a distance below the camera, whatever its reported height."""
+    sample: npt.NDArray[np.intp]
+    """(N), index of the point of ``paths``."""
     poses: DelayedPoses
     """(N, D)."""
-    path: PositionPath | None = None
-    """Path that the positions lie on, at the instant of the batch; None: as reported."""
-
-    @property
-    def attitude_sigma(self) -> Array:
-        """One sigma of the attitude by interpolation, rad."""
-        return self.scalars[:, 0]
-
-    @property
-    def attitude_spacing_s(self) -> Array:
-        """Interval of the attitudes that were interpolated."""
-        return self.scalars[:, 1]
-
-    @property
-    def time_noise_s(self) -> Array:
-        """One sigma of the capture, s."""
-        return self.scalars[:, 2]
-
-    @property
-    def row_fraction(self) -> Array:
-        """Position of the row in the readout."""
-        return self.scalars[:, 3]
-
-    @property
-    def drop_m(self) -> Array:
-        """Height of the camera above the target's ground, as reported."""
-        return self.scalars[:, 4]
-
-    @property
-    def camera_down(self) -> Array:
-        """Down coordinate of the camera at the nominal capture, m."""
-        return self.scalars[:, 5]
-
-    @property
-    def since_s(self) -> Array:
-        """Time since the previous measurement of the track; what shares its telemetry averages with the telemetry."""
-        return self.scalars[:, 6]
-
-    @property
-    def frame(self) -> Array:
-        """Number of the frame: its measurements share one sample of telemetry."""
-        return self.scalars[:, 7]
-
-    @property
-    def ranged(self) -> Mask:
-        """Whether the ground is at a distance below the camera, whatever its reported height."""
-        return np.asarray(self.scalars[:, 8] > 0.0)
+    paths: tuple[PositionPath, ...] = ()
+    """Points of the path that the positions lie on; empty: as reported."""
 
     def take(self, index: Sequence[int]) -> MeasurementBatch:
         """Some of the measurements."""
@@ -122,23 +98,17 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
         tracks = tuple(self.tracks[k] for k in i)
         return msgspec.structs.replace(self, tracks=tracks, poses=self.poses.each(lambda a: a[i]), **arrays)
 
-    def since(self, since_s: Sequence[float]) -> MeasurementBatch:
-        """The measurements with the time since the previous one of each track."""
-        scalars = self.scalars.copy()
-        scalars[:, 6] = since_s
-        return msgspec.structs.replace(self, scalars=scalars)
-
     def without(self, tracks: Collection[int]) -> MeasurementBatch:
         """The measurements of other tracks."""
         if not any(track in tracks for track in self.tracks):
             return self
         return self.take([k for k, track in enumerate(self.tracks) if track not in tracks])
 
-    def with_poses(self, poses: DelayedPoses, delay_s: float | None) -> MeasurementBatch:
-        """The measurements with other poses: of a known delay, only the one of their grid that is nearest to it."""
-        if delay_s is not None and poses.delay_s.shape[1] > 1:
-            poses = poses.nearest(delay_s).each(lambda a: a[:, None])
-        return msgspec.structs.replace(self, poses=poses)
+    def nearest_to(self, delay_s: float | None) -> MeasurementBatch:
+        """The measurements with the pose of their grid that is nearest to a known delay; None: all of them."""
+        if delay_s is None or self.poses.delay_s.shape[1] == 1:
+            return self
+        return msgspec.structs.replace(self, poses=self.poses.nearest(delay_s).each(lambda a: a[:, None]))
 
     def at_delay(self, delay_s: float) -> MeasurementBatch:
         """The measurements with their pose at one delay instead of a grid."""
@@ -146,7 +116,8 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, poses=poses.each(lambda a: a[:, None]))
 
 
-ARRAYS = ("ray", "dual", "pixel_sigma", "lever", "scalars")
+SCALARS = ("attitude_sigma", "attitude_spacing_s", "time_noise_s", "row_fraction", "drop_m", "camera_down", "since_s")
+ARRAYS = ("ray", "dual", "pixel_sigma", "lever", *SCALARS, "frame", "ranged", "sample")
 
 
 def joined(batches: Sequence[MeasurementBatch]) -> MeasurementBatch:
@@ -178,7 +149,7 @@ def measurement_batch(
     ned_from_body = np.array([matrix_from_quaternion(state.ned_from_carrier) for state in states])
     scalars = [
         (state.carrier_sigma, state.spacing_s, s.time_noise_s, s.row_fraction,
-         fix.drop_m, s.camera_ned[2], since, s.frame, fix.ground in RANGED)
+         fix.drop_m, s.camera_ned[2], since)
         for (_, fix), s, state, since in zip(fixes, sightings, states, since_s, strict=True)
     ]  # fmt: skip
     return MeasurementBatch(
@@ -189,8 +160,11 @@ def measurement_batch(
         dual=turned(mount[:, None], dual),
         pixel_sigma=np.array([s.pixel_sigma for s in sightings]),
         lever=turned_back(ned_from_body, arm),
-        scalars=np.array(scalars),
+        frame=np.array([s.frame for s in sightings]),
+        ranged=np.array([fix.ground in RANGED for _, fix in fixes]),
+        sample=np.zeros(len(fixes), np.intp),
         poses=poses,
+        **dict(zip(SCALARS, np.array(scalars).T, strict=True)),
     )
 
 
@@ -211,7 +185,7 @@ class CameraPose(msgspec.Struct, frozen=True):
     def ground_points(self, ray: Array) -> tuple[Array, Mask]:
         """(..., N, 2) north and east where rays of the mounted camera meet the ground, and whether they do."""
         direction = turned(self.ned_from_mounted, ray)
-        down = direction[..., 2] > 0.02
+        down = direction[..., 2] > LEAST_DOWN
         reach = self.camera[..., 2] / np.where(down, direction[..., 2], 1.0)
         return self.camera[..., :2] + reach[..., None] * direction[..., :2], down
 
@@ -260,14 +234,29 @@ def predict(batch: MeasurementBatch, targets: Array, shared: Array) -> Predicted
     there[..., 1, :], there[..., 2, :] = pose.velocity_ned, pose.poses.velocity_ned
     there[..., 3, 0], there[..., 3, 1] = -there[..., 0, 1], there[..., 0, 0]  # turned by a right angle about down
     seen_of = times(there, pose.ned_from_mounted)
-    seen = seen_of[..., 0, :]
-    depth = dot(seen, batch.ray)
-    valid = depth > LEAST_COSINE * np.sqrt(dot(seen, seen))
-    inverse = (valid / np.where(valid, depth, 1.0))[..., None]
-    offset = turned(batch.dual, seen) * inverse
+    offset, inverse, valid = _offsets(batch, seen_of[..., 0, :])
     by_seen = (batch.dual - offset[..., None] * batch.ray[..., None, :]) * inverse[..., None]
     rows = times(by_seen, _columns(batch, shared, pose, seen_of))
     return PredictedPixels(-offset, rows, valid)
+
+
+def _offsets(batch: MeasurementBatch, seen: Array) -> tuple[Array, Array, Mask]:
+    """Predicted minus measured pixels (..., N, 2) of what the camera sees at ``seen`` (..., N, 3), the inverse of its
+    depth (..., N, 1), and whether it lies within 89.4 degrees of the ray.
+    """
+    depth = dot(seen, batch.ray)
+    valid = depth > LEAST_COSINE * np.sqrt(dot(seen, seen))
+    inverse = (valid / np.where(valid, depth, 1.0))[..., None]
+    return turned(batch.dual, seen) * inverse, inverse, valid
+
+
+def distances(batch: MeasurementBatch, places: Array, shared: Array) -> Array:
+    """(T, N) pixels between measurements and the predictions of apparent places (T, 2) by shared parameters (11)."""
+    pose = camera_pose(batch, shared)
+    there = np.empty((len(places), len(batch.tracks), 3))
+    there[..., :2], there[..., 2] = places[:, None] - pose.camera[:, :2], pose.camera[:, 2]
+    offset, _, valid = _offsets(batch, turned_back(pose.ned_from_mounted, there))
+    return np.where(valid, np.hypot(offset[..., 0], offset[..., 1]), np.inf)
 
 
 def _columns(batch: MeasurementBatch, shared: Array, pose: CameraPose, seen_of: Array) -> Array:
@@ -288,15 +277,6 @@ def _columns(batch: MeasurementBatch, shared: Array, pose: CameraPose, seen_of: 
     columns[..., LEVER] = times(axes.swapaxes(-1, -2), pose.poses.ned_from_body)
     columns[..., NORTH:] = axes[..., :2, :].swapaxes(-1, -2)
     return columns
-
-
-def pixel_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> Array:
-    """(..., N, 2, 2) covariance of the residuals by every fresh error, px^2."""
-    common = common_noise(batch, rows, priors)
-    noise = times(common, common.swapaxes(-1, -2))
-    noise[..., 0, 0] += batch.pixel_sigma[:, 0] ** 2
-    noise[..., 1, 1] += batch.pixel_sigma[:, 1] ** 2
-    return noise
 
 
 def common_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> Array:

@@ -3,7 +3,7 @@
 Receivers' errors move smoothly, some filters' do not, and no report states which. So there are two hypotheses of the
 same sigma and time constant T: a second-order Gauss-Markov process with both poles at 2 / T (critically damped; Gelb
 1974, ch. 2), and one with the poles 1 / T and 1 / QUICK_S, a first-order process beyond a second. Within a second
-1 m moves by 0.03 m as the one and by 0.13 m as the other. What a flight shows decides, by likelihood.
+1 m moves by 0.03 m as the one and by 0.11 m as the other. What a flight shows decides, by likelihood.
 """
 
 from __future__ import annotations

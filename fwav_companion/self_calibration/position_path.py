@@ -6,10 +6,9 @@ from math import atan2, cos, sin, sqrt
 from typing import TypeAlias
 
 import msgspec
-import numpy as np
 
 from fwav_companion.geometry.stamps import s_from_ns
-from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.geometry.vectors import ZERO3, Vector3, add, dot, scale, subtract
 from fwav_companion.types import ErrorPriors, VehicleState
 
 TELEMETRY_STEP_S = 0.1
@@ -21,69 +20,73 @@ JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
 LONGEST_S = 2.0
 """A step of the position, and an interval, after which smoothing begins again."""
 
-SmoothedReport: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
-"""Noise of one reported position, north and east, metres, and the variance of what is left of it, m^2."""
+SmoothedReport: TypeAlias = tuple[Vector3, Vector3]
+"""Noise of one reported position, NED, metres, and the variance of what is left of it on each axis, m^2."""
 
 
-class PositionPath(msgspec.Struct, frozen=True):
+class PositionPath(msgspec.Struct, frozen=True, gc=False):
     """The newest point of the path, by a Kalman filter of each axis with the velocity as its input. Immutable."""
 
     at_s: float = 0.0
-    position: Array = np.full(3, np.nan)
-    """NaN before the first."""
-    velocity: Array = np.zeros(3)
-    variance: Array = np.zeros(3)
+    position: Vector3 = ZERO3
+    velocity: Vector3 = ZERO3
+    variance: Vector3 = ZERO3
     begun: int = 0
-    """Number of times that the path began again."""
+    """Number of times that the path began again; 0 before the first report."""
 
     def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
         """The noise of a later report, and the variance that is left of it; None without a path that leads to it."""
-        at_s = s_from_ns(vehicle.boot_ns)
-        if vehicle.position_ned is None or vehicle.velocity_ned is None:
+        at_s, position = s_from_ns(vehicle.boot_ns), vehicle.position_ned
+        if position is None or vehicle.velocity_ned is None or not self._leads_to(at_s):
             return None
-        if np.isnan(self.position[0]) or not 0.0 < at_s - self.at_s < LONGEST_S:
-            return None
-        position = np.array(vehicle.position_ned)
-        after = self.after(at_s, position, np.array(vehicle.velocity_ned), priors)
-        (north, east, _), (var_n, var_e, _) = (position - after.position).tolist(), after.variance.tolist()
-        return (north, east), (var_n, var_e)
+        after = self.after(at_s, position, vehicle.velocity_ned, priors)
+        return subtract(position, after.position), after.variance
 
-    def after(self, at_s: float, position: Array, velocity: Array, priors: ErrorPriors) -> PositionPath:
+    def after(self, at_s: float, position: Vector3, velocity: Vector3, priors: ErrorPriors) -> PositionPath:
         """The path with one more report."""
-        noise = np.array((priors.position_noise_m, priors.position_noise_m, priors.height_noise_m)) ** 2
-        seconds = at_s - self.at_s
-        if np.isnan(self.position[0]) or not 0.0 < seconds < LONGEST_S:
-            return PositionPath(at_s, position, velocity, noise, self.begun + 1)
+        level, down = priors.position_noise_m**2, priors.height_noise_m**2
+        noise = (level, level, down)
+        begun = PositionPath(at_s, position, velocity, noise, self.begun + 1)
+        if not self._leads_to(at_s):
+            return begun
         predicted, variance = self._predicted(at_s, velocity)
-        gain = variance / (variance + noise * max(1.0, TELEMETRY_STEP_S / seconds))
-        off = position - predicted
-        if (np.abs(off) > JUMP_SIGMAS * np.sqrt(variance + noise + JUMP_LEAST_M**2)).any():
-            return PositionPath(at_s, position, velocity, noise, self.begun + 1)
-        return PositionPath(at_s, predicted + gain * off, velocity, (1.0 - gain) * variance, self.begun)
+        off, repeated = subtract(position, predicted), max(1.0, TELEMETRY_STEP_S / (at_s - self.at_s))
+        for o, v, n in zip(off, variance, noise, strict=True):
+            if abs(o) > JUMP_SIGMAS * sqrt(v + n + JUMP_LEAST_M**2):
+                return begun
+        x, y, z = (v / (v + n * repeated) for v, n in zip(variance, noise, strict=True))
+        position = add(predicted, (x * off[0], y * off[1], z * off[2]))
+        left = ((1.0 - x) * variance[0], (1.0 - y) * variance[1], (1.0 - z) * variance[2])
+        return PositionPath(at_s, position, velocity, left, self.begun)
 
-    def _predicted(self, at_s: float, velocity: Array) -> tuple[Array, Array]:
+    def _leads_to(self, at_s: float) -> bool:
+        return self.begun > 0 and 0.0 < at_s - self.at_s < LONGEST_S
+
+    def _predicted(self, at_s: float, velocity: Vector3) -> tuple[Vector3, Vector3]:
         """Position and variance at a later instant with this velocity."""
         seconds = at_s - self.at_s
-        variance = self.variance + VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
-        return self.position + 0.5 * (self.velocity + velocity) * seconds, variance
+        more = VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
+        moved = scale(add(self.velocity, velocity), 0.5 * seconds)
+        return add(self.position, moved), add(self.variance, (more, more, more))
 
-    def shift_by(self, later: PositionPath, shift: Array) -> Array:
+    def shift_by(self, later: PositionPath, shift: Vector3) -> Vector3:
         """Change of the position by the later one of the path, which changes by ``shift``; 0 on another path."""
         if later.begun != self.begun or later.at_s <= self.at_s:
-            return np.zeros(3)
+            return ZERO3
         predicted, variance = self._predicted(later.at_s, later.velocity)
-        return np.asarray(self.variance / variance * (later.position + shift - predicted))
+        x, y, z = subtract(add(later.position, shift), predicted)
+        (own_x, own_y, own_z), (of_x, of_y, of_z) = self.variance, variance
+        return (own_x / of_x * x, own_y / of_y * y, own_z / of_z * z)
 
 
-def chord_error_m(before: Array, after: Array, seconds: float) -> float:
+def chord_error_m(before: Vector3, after: Vector3, seconds: float) -> float:
     """Distance between the end of a path with the mean of two velocities and that of an arc between them, metres.
 
     Over an arc with the angle 2 a and the speed v, the chord is v t sin(a) / a, and the mean velocity makes
     v t cos(a) of it. A target that leaves the view on a tight circle is seen again after a third of a turn: the
     smoothed path was 0.6 m off there, and followed the reported positions only within seconds.
     """
-    squares = float(before @ before), float(after @ after)
-    both = float(before @ after)
+    squares, both = (dot(before, before), dot(after, after)), dot(before, after)
     half = 0.5 * atan2(sqrt(max(0.0, squares[0] * squares[1] - both * both)), both)
     speed = sqrt(0.5 * sum(squares))
     return speed * seconds * (sin(half) / half - cos(half)) if half > 0.0 else 0.0

@@ -13,44 +13,55 @@ Striebel 1965).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import msgspec
 import numpy as np
 
+from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.self_calibration.position_path import PositionPath
-from fwav_companion.types import ErrorPriors
+from fwav_companion.self_calibration.rate_denoiser import denoised
+from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
 
 
-def along_path(
-    path: PositionPath, batch: MeasurementBatch, captures_s: Array, priors: ErrorPriors
-) -> tuple[PositionPath, MeasurementBatch]:
-    """The path after one more batch, and the batch along it; ``captures_s``: nominal captures."""
-    poses, middle = batch.poses, len(captures_s) // 2
-    times_s = captures_s[:, None] - poses.delay_s
-    k = (middle, poses.delay_s.shape[1] // 2)
-    state = path.after(float(times_s[k]), poses.position_ned[k], poses.velocity_ned[k], priors)
-    positions = state.position + 0.5 * (poses.velocity_ned + state.velocity) * (times_s - state.at_s)[..., None]
-    scalars = batch.scalars.copy()
-    nominal = state.position[2] + state.velocity[2] * (captures_s - state.at_s)
-    scalars[:, 5] = np.where(batch.ranged, nominal, scalars[:, 5])
-    poses = msgspec.structs.replace(poses, position_ned=positions)
-    return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars, path=state)
+def in_motion(
+    batch: MeasurementBatch, captures_s: Array, motions: Sequence[VehicleMotion], sample: Sequence[int]
+) -> MeasurementBatch:
+    """The batch along the smoothed path, with denoised rates. ``captures_s`` (N): nominal; ``sample`` (N): which of the
+    motions belongs to each.
+    """
+    rates = np.array([(motion.slow, motion.denoiser.shares) for motion in motions])[sample]
+    paths, poses = tuple([m.path for m in motions]), denoised(batch.poses, rates)
+    if not paths[0].begun:
+        return msgspec.structs.replace(batch, poses=poses)
+    point = np.array([(path.at_s, *path.position, *path.velocity) for path in paths])[sample]
+    at_s, position, velocity = point[:, 0], point[:, 1:4], point[:, 4:]
+    since_s = captures_s[:, None] - poses.delay_s - at_s[:, None]
+    positions = position[:, None] + 0.5 * (poses.velocity_ned + velocity[:, None]) * since_s[..., None]
+    nominal = position[:, 2] + velocity[:, 2] * (captures_s - at_s)
+    poses, down = (
+        msgspec.structs.replace(poses, position_ned=positions),
+        np.where(batch.ranged, nominal, batch.camera_down),
+    )
+    return msgspec.structs.replace(batch, poses=poses, camera_down=down, sample=np.array(sample), paths=paths)
 
 
 def smoothed_back(batches: Sequence[MeasurementBatch]) -> list[Array]:
-    """Changes (3) of the positions of batches by all later ones, in their order."""
-    shifts = [np.zeros(3)]
-    for later, path in pairwise(batch.path for batch in reversed(batches)):
-        shifts.append(np.zeros(3) if path is None or later is None else path.shift_by(later, shifts[-1]))
-    return shifts[::-1]
+    """Changes (S, 3) of the points of the batches' paths by all later ones, in the order of the batches."""
+    found, later, shift = list[Array](), PositionPath(), ZERO3
+    for batch in reversed(batches):
+        own = list[Vector3]()
+        for path in reversed(batch.paths):
+            shift, later = path.shift_by(later, shift), path
+            own.append(shift)
+        found.append(np.array(own[::-1] or [ZERO3]))
+    return found[::-1]
 
 
-def moved(batch: MeasurementBatch, shift: Array) -> MeasurementBatch:
-    """The batch with the vehicle elsewhere."""
-    scalars = batch.scalars.copy()
-    scalars[:, 5] += np.where(batch.ranged, shift[2], 0.0)
-    poses = msgspec.structs.replace(batch.poses, position_ned=batch.poses.position_ned + shift)
-    return msgspec.structs.replace(batch, poses=poses, scalars=scalars)
+def moved(batch: MeasurementBatch, shifts: Array) -> MeasurementBatch:
+    """The batch with the points (S, 3) of its path elsewhere."""
+    shift = shifts[batch.sample]
+    down = batch.camera_down + np.where(batch.ranged, shift[:, 2], 0.0)
+    poses = msgspec.structs.replace(batch.poses, position_ned=batch.poses.position_ned + shift[:, None])
+    return msgspec.structs.replace(batch, poses=poses, camera_down=down)

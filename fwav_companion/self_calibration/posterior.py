@@ -43,8 +43,8 @@ def bias_shares(joint: JointFilter, track: int) -> dict[str, float]:
     shares = dict[str, float]()
     for cause, group in {**CAUSES, "position": range(SHARED_COUNT, joint.first)}.items():
         known = [int(i) for i in group if cov[i, i] > 0.0]
-        crossed = cov[place : place + 2, known]
-        shares[cause] = float(np.trace(crossed @ solved(cov[np.ix_(known, known)], crossed.T))) if known else 0.0
+        white = whitened(cov[np.ix_(known, known)], cov[known, place : place + 2]) if known else np.zeros(1)
+        shares[cause] = float((white * white).sum())
     return shares
 
 
@@ -59,9 +59,10 @@ def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple
     if not used:
         return mean, cov
     k = [known[j] for j in used]
-    crossed = cov[:, k]
-    pull = solved(cov[np.ix_(k, k)], crossed.T).T
-    return np.asarray(mean - pull @ (mean[k] - values[used])), np.asarray(cov - pull @ crossed.T)
+    crossed, off = cov[k], (mean[k] - values[used])[:, None]
+    white = whitened(cov[np.ix_(k, k)], np.concatenate((crossed, off), 1))
+    gain = white[:, :-1].T
+    return np.asarray(mean - gain @ white[:, -1]), np.asarray(cov - gain @ gain.T)
 
 
 def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
@@ -79,7 +80,7 @@ def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
     block = cov[np.ix_(known, known)].copy()
     last = np.arange(len(known) - len(free), len(known))
     block[last, last] += sigmas[free] ** 2 / (factor - 1.0)
-    rows = np.linalg.solve(lower_root(block), cov[known])
+    rows = whitened(block, cov[known])
     own = rows[last]
     return np.asarray(cov + (factor - 1.0) * (cov - rows.T @ rows) - own.T @ own)
 
@@ -95,7 +96,6 @@ def lower_root(matrix: Array) -> Array:
         return np.asarray(scale[:, None] * root)
 
 
-def solved(matrix: Array, right: Array) -> Array:
-    """X of matrix @ x = right, for a covariance."""
-    root = lower_root(matrix)
-    return np.asarray(np.linalg.solve(root.T, np.linalg.solve(root, right)))
+def whitened(matrix: Array, right: Array) -> Array:
+    """inv(L) @ right, with the Cholesky factor L of a covariance."""
+    return np.asarray(np.linalg.solve(lower_root(matrix), right))

@@ -12,10 +12,10 @@ noise remains.
 from __future__ import annotations
 
 import msgspec
-import numpy as np
 
 from fwav_companion.geometry.rotations import difference
 from fwav_companion.geometry.vectors import ZERO3, Vector3, scale, subtract
+from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.delayed_poses import DelayedPoses
 from fwav_companion.types import GimbalAt, VehicleState
 
@@ -26,9 +26,9 @@ SLOPE_NOISE = 1.6
 """One sigma of a slope of a course through attitudes with fresh noise, in units of that noise over their spacing:
 sqrt(2) for a chord, 1.2 to 1.6 within a cubic through four, 1.1 sqrt(2) on the mean for one with slopes given."""
 MEMORY = 50
-"""Batches, five seconds: several beats of a slow wing."""
+"""Samples, five seconds: several beats of a slow wing."""
 BEGUN = 3
-"""Batches of nothing but noise that are counted before the first."""
+"""Samples of nothing but noise that are counted before the first."""
 
 
 def slow_rates(before: VehicleState, after: VehicleState) -> Vector3:
@@ -37,7 +37,7 @@ def slow_rates(before: VehicleState, after: VehicleState) -> Vector3:
 
 
 class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
-    """Fading sums over batches. Immutable."""
+    """Fading sums over samples. Immutable."""
 
     reported2: Vector3 = ZERO3
     """Squares of the fast rates as reported, about the axes of the carrier."""
@@ -45,7 +45,7 @@ class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
     """Square that noise alone would have made, about each axis."""
 
     def with_state(self, state: VehicleState, slow: Vector3, attitude_noise: float) -> RateDenoiser:
-        """The sums after one more batch; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
+        """The sums after one more sample; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
 
         A gimbal's rates are of its own attitudes, whose interval is not known: they leave the sums unchanged.
         """
@@ -66,9 +66,9 @@ class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
         x, y, z = (max(0.0, 1.0 - self.noise2 / square) if square > 0.0 else 1.0 for square in self.reported2)
         return (x, y, z)
 
-    def denoised(self, poses: DelayedPoses, slow: Vector3) -> DelayedPoses:
-        """The poses with the expected rates, given the reported ones."""
-        shares, rates = np.array(self.shares), np.array(slow)
-        return msgspec.structs.replace(
-            poses, rates=rates + shares * (poses.rates - rates), acceleration=shares * poses.acceleration
-        )
+
+def denoised(poses: DelayedPoses, by: Array) -> DelayedPoses:
+    """The poses (N, D) with the expected rates, given the reported ones; ``by`` (N, 2, 3): slow rates, and shares."""
+    slow, shares = by[:, None, 0], by[:, None, 1]
+    rates = slow + shares * (poses.rates - slow)
+    return msgspec.structs.replace(poses, rates=rates, acceleration=shares * poses.acceleration)

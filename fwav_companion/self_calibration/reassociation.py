@@ -15,7 +15,7 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.filter_pass import WORST, FilterPass
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, predict
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, distances
 
 NEARER = 0.5
 """Distance from another target over that from the own, below which a measurement changes. Errors that all targets share
@@ -73,16 +73,14 @@ def reassociated(
     tracks = sorted(places)
     if len(tracks) < 2 or not any(track in places for track in batch.tracks):
         return batch
-    targets = np.stack([np.broadcast_to(places[track], (len(batch.tracks), 2)) for track in tracks])
-    seen = predict(batch, targets, np.broadcast_to(point, (len(tracks), len(point))))
-    apart = np.where(seen.valid, np.hypot(seen.residual[..., 0], seen.residual[..., 1]), np.inf)
+    apart = distances(batch, np.array([places[track] for track in tracks]), point)
     chosen = _chosen(batch.tracks, tracks, apart, kinds)
     if tuple(chosen) == batch.tracks:
         return batch
     nearest: dict[tuple[float, int], tuple[float, int]] = {}
     for n, track in enumerate(chosen):
         off = float(apart[tracks.index(track), n]) if track in places else 0.0
-        key = (float(batch.frame[n]), track)
+        key = (int(batch.frame[n]), track)
         nearest[key] = min(nearest.get(key, (off, n)), (off, n))
     kept = sorted(n for _, n in nearest.values())
     return _with_tracks(batch.take(kept), [chosen[n] for n in kept])
@@ -101,5 +99,5 @@ def _chosen(own: Sequence[int], tracks: list[int], apart: Array, kinds: Mapping[
 
 def _with_tracks(batch: MeasurementBatch, tracks: list[int]) -> MeasurementBatch:
     """The measurements with other tracks, in the order of frames and tracks."""
-    order = sorted(range(len(tracks)), key=lambda n: (float(batch.frame[n]), tracks[n]))
+    order = sorted(range(len(tracks)), key=lambda n: (int(batch.frame[n]), tracks[n]))
     return msgspec.structs.replace(batch.take(order), tracks=tuple(tracks[n] for n in order))

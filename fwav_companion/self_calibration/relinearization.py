@@ -11,22 +11,17 @@ from collections.abc import Collection, Mapping
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
+from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, joined
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
 from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.reassociation import near_places, reassociated
 
 MOST_KEPT = 1200
 """Frames: 40 s at 30 frames/s, 1 megabyte of one target and 5 of ten. They settle the linearization."""
-JOINED_NS, MOST_JOINED = 400 * NS_PER_MS, 64
-"""Time and measurements of kept batches that a pass takes as one: an update of a few costs the same as one of many. The
-vehicle's position error, if of the quick kind, moves by 0.08 m meanwhile, a third of the noise of one report."""
-SERVED_NS, MOST_SERVED = 100 * NS_PER_MS, 36
-"""The same of new ones that the served estimate takes: it is as much older."""
 PASSES_AT = (60, 120, 240, 480)
 """Measurements kept of each target, at which a new pass begins."""
 GROWTH = 1.6
@@ -34,8 +29,7 @@ GROWTH = 1.6
 ago, a figure-eight that is seen for a few seconds at a time showed innovations that drift by a factor of 3.6, and no
 mount; linearized at its end it showed 1.7, and the mount."""
 STEP = 2
-"""Batches that a pass (of joined ones), or a trial of the delay search, takes in each frame, so that it overtakes the
-new ones."""
+"""Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
 STEPS_PER_S = 60.0
 """The same between two photographs, for which there is as much time as for frames at 30/s."""
 
@@ -54,8 +48,6 @@ class Relinearization(msgspec.Struct, frozen=True):
     delay_s: float | None = None
     """Delay of the poses of new measurements, once it was found."""
     served: FilterPass | None = None
-    fresh: tuple[MeasurementBatch, ...] = ()
-    """Batches that it has not taken yet."""
     coming: FilterPass | None = None
     """Pass in progress, to be served next."""
     cursor: int = 0
@@ -73,7 +65,7 @@ class Relinearization(msgspec.Struct, frozen=True):
     places: dict[int, Array] = {}
     """Apparent places (2) about it of targets near to one another."""
     shifts: tuple[Array, ...] = ()
-    """Changes (3) of the vehicle's positions of kept batches by later ones, at the begin of the last pass."""
+    """Changes (S, 3) of the paths of kept batches by later ones, at the begin of the last pass."""
 
     def with_batch(self, batch: MeasurementBatch, kinds: Mapping[int, str] | None = None) -> Relinearization:
         """The state after one more batch; when there are too many to keep, the last pass stays. ``kinds``: labels."""
@@ -85,17 +77,8 @@ class Relinearization(msgspec.Struct, frozen=True):
             complete=keeping,
             tracks=self.tracks.union(batch.tracks),
             kinds=self.kinds if kinds is None else {**self.kinds, **kinds},
-            fresh=() if self.served is None else (*self.fresh, batch),
+            served=None if self.served is None else self.served.fed(batch),
         )
-
-    def serving(self, due_ns: int) -> Relinearization:
-        """The state after the served estimate took the new batches, when they are many or begin before ``due_ns``."""
-        served, fresh = self.served, self.fresh
-        if served is None or not fresh:
-            return self
-        if due_ns < fresh[0].host_ns + SERVED_NS and sum(len(batch.tracks) for batch in fresh) < MOST_SERVED:
-            return self
-        return msgspec.structs.replace(self, served=served.fed(joined(fresh)), fresh=())
 
     def only(self, alive: Collection[int]) -> Relinearization:
         """The state without the tracks that ended: most were no targets."""
@@ -113,7 +96,6 @@ class Relinearization(msgspec.Struct, frozen=True):
             served=served,
             coming=coming,
             kept=kept,
-            fresh=tuple(batch for each in self.fresh if (batch := each.without(gone)).tracks),
             shifts=shifts,
             cursor=taken,
             tracks=self.tracks - gone,
@@ -128,21 +110,23 @@ class Relinearization(msgspec.Struct, frozen=True):
         ``places``: apparent places (2) of the targets, by which measurements are associated again.
         """
         point = point[:SHARED_COUNT]
-        delay_s = float(point[SharedParameter.DELAY])
-        kept = tuple([batch.at_delay(delay_s) for batch in self.kept])
-        coming = context.served_pass(point)
-        near = self._near(places or {})
-        passed = self._measured_of(self.tracks)
+        kept = tuple([batch.at_delay(float(point[SharedParameter.DELAY])) for batch in self.kept])
+        state = msgspec.structs.replace(self, kept=kept)
+        return state._beginning(context.served_pass(point), point, places or {}, self.tracks)
+
+    def _beginning(
+        self, coming: FilterPass, point: Array, places: Mapping[int, Array], tracks: Collection[int]
+    ) -> Relinearization:
+        """The state at the begin of a pass about a point, by the measurements of these targets."""
         return msgspec.structs.replace(
             self,
-            kept=kept,
-            shifts=tuple(smoothed_back(kept)),
-            delay_s=delay_s,
+            shifts=tuple(smoothed_back(self.kept)),
+            delay_s=float(point[SharedParameter.DELAY]),
             coming=coming,
             cursor=0,
-            passed=passed,
+            passed=self._measured_of(tracks),
             point=point,
-            places=near,
+            places=near_places(places, self.kinds, float(self.kept[-1].drop_m.max())) if self.kept else {},
         )
 
     def advanced(self, context: CalibrationContext, steps: int = STEP, *, settled: bool = True) -> Relinearization:
@@ -153,28 +137,13 @@ class Relinearization(msgspec.Struct, frozen=True):
         coming, cursor = self.coming, self.cursor
         if coming is None:
             return self._begun_again(context, settled=settled)
-        for _ in range(steps):
-            if near := self._near_in_time(cursor):
-                smooth = [moved(b, shift) for b, shift in zip(near, self.shifts[cursor:], strict=False)]
-                coming = coming.fed(self._associated(joined([*smooth, *near[len(smooth) :]])))
-                cursor += len(near)
+        for batch in self.kept[cursor : cursor + steps]:
+            smooth = moved(batch, self.shifts[cursor]) if cursor < len(self.shifts) else batch
+            coming = coming.fed(self._associated(smooth))
+            cursor += 1
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
-        return msgspec.structs.replace(self, served=coming, fresh=(), coming=None, cursor=0)
-
-    def _near(self, places: Mapping[int, Array]) -> dict[int, Array]:
-        return near_places(places, self.kinds, float(self.kept[-1].drop_m.max())) if self.kept else {}
-
-    def _near_in_time(self, cursor: int) -> list[MeasurementBatch]:
-        """The kept batches from ``cursor`` on that a pass takes as one."""
-        near = list(self.kept[cursor : cursor + 1])
-        count = len(near[0].tracks) if near else 0
-        for batch in self.kept[cursor + 1 : cursor + MOST_JOINED]:
-            count += len(batch.tracks)
-            if count > MOST_JOINED or batch.host_ns - near[0].host_ns > JOINED_NS:
-                break
-            near.append(batch)
-        return near
+        return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
 
     def _associated(self, batch: MeasurementBatch) -> MeasurementBatch:
         return batch if self.point is None else reassociated(batch, self.point, self.places, self.kinds)
@@ -192,17 +161,6 @@ class Relinearization(msgspec.Struct, frozen=True):
         if not planned and (settled or measured_each < GROWTH * self.passed):
             return self
         point = joint.mean[0, :SHARED_COUNT].copy()
-        coming = context.served_pass(point, joint.targets)
-        delay_s = float(point[SharedParameter.DELAY])
-        places = self._near({track: place[0] for track, place in joint.targets.items()})
-        return msgspec.structs.replace(
-            self,
-            shifts=tuple(smoothed_back(self.kept)),
-            coming=coming,
-            cursor=0,
-            done=self.done + planned,
-            passed=measured_each,
-            delay_s=delay_s,
-            point=point,
-            places=places,
-        )
+        places = {track: place[0] for track, place in joint.targets.items()}
+        state = self._beginning(context.served_pass(point, joint.targets), point, places, joint.tracks)
+        return msgspec.structs.replace(state, done=self.done + planned)

@@ -17,8 +17,9 @@ from fwav_companion.geometry.vectors import Vector3, cross, norm
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.base import JointlyGated, TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
@@ -49,7 +50,7 @@ class Candidate(msgspec.Struct, frozen=True, gc=False):
     """Predicted to the frame."""
     detector_id: int | None
     """The detector's id of the track's last fix."""
-    refined: TargetState | None = None
+    refined: TargetEstimate | None = None
     """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
     confirmed: bool = True
     """Whether the track is confirmed, or the branch of a confirmed one."""
@@ -106,19 +107,20 @@ def associate(
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
-    nonlinear = bool(candidates) and getattr(candidates[0].target, "nonlinear", False)
+    first = [candidate.target for candidate in candidates[:1]]  # all are of one filter
+    nonlinear = any(isinstance(target, StandingTargetState) and target.nonlinear for target in first)
     if nonlinear or not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
         joint = None
     if joint is not None:
         costs = _jointly(costs, candidates, fixes, clutter_llr, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
-        prior = _with_reward if nonlinear else _with_handicap
-        taken = _assigned(_with_misses(prior(costs, candidates), candidates, against.miss_cost, could_see))
+        prior = _with_priority(costs, candidates, nonlinear=nonlinear)
+        taken = _assigned(_with_misses(prior, candidates, against.miss_cost, could_see))
     if joint is not None:
         for i, j in taken.items():
             if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
-                joint.learn(cast("JointlyGated", candidates[i].target), fixes[j], steady=False)
+                joint.learn(cast("StandingTargetState", candidates[i].target), fixes[j], steady=False)
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
@@ -164,9 +166,8 @@ def _costs(
 
 
 def _gated(target: TargetState, fixes: Sequence[GroundFix]) -> Sequence[GateResult]:
-    """Gating statistics of several fixes, together where the filter has them so."""
-    gates: Callable[[Sequence[GroundFix]], list[GateResult]] | None = getattr(target, "gates", None)
-    return [target.gate(fix) for fix in fixes] if gates is None else gates(fixes)
+    """Gating statistics of several fixes, together for a standing target."""
+    return target.gates(fixes) if isinstance(target, StandingTargetState) else [target.gate(fix) for fix in fixes]
 
 
 def _refined(
@@ -195,7 +196,7 @@ def _refined(
 def _is_doubtful(candidates: Sequence[Candidate]) -> bool:
     """Whether a track is not steady, and all have sensitivities to the errors that they share."""
     steady = all(candidate.steady for candidate in candidates)
-    return not steady and all(hasattr(candidate.target, "innovation") for candidate in candidates)
+    return not steady and all(isinstance(candidate.target, StandingTargetState) for candidate in candidates)
 
 
 def _jointly(
@@ -215,37 +216,42 @@ def _jointly(
     def joint_cost(i: int, j: int) -> float | None:
         if candidates[i].refined is not None or j not in doubtful:
             return costs[i, j]
-        gated = joint.gate(cast("JointlyGated", candidates[i].target), fixes[j])
+        gated = joint.gate(cast("StandingTargetState", candidates[i].target), fixes[j])
         return _cost(candidates[i], fixes[j], gated, clutter_llr[j], gate=JOINT_GATE)
 
+    gated_after = None
     for _ in range(ROUNDS):
         rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
         alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
         for i, j in sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair])):
             if candidates[i].steady or (joint_cost(i, j) or 0.0) <= SURE:
-                joint.learn(cast("JointlyGated", candidates[i].target), fixes[j], steady=candidates[i].steady)
+                joint.learn(cast("StandingTargetState", candidates[i].target), fixes[j], steady=candidates[i].steady)
+        if joint.pairs == gated_after:
+            break
+        gated_after = joint.pairs
         before, costs = costs, {pair: cost for pair in costs if (cost := joint_cost(*pair)) is not None}
         if len(costs) == len(before):
             break
     return costs
 
 
-def _with_handicap(
-    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate]
+def _with_priority(
+    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate], *, nonlinear: bool
 ) -> dict[tuple[int, int], float]:
-    """The costs with the handicap of tentative tracks. A fix that no confirmed track takes remains theirs."""
+    """The costs by which confirmed tracks come first.
+
+    Tentative tracks have a handicap; a fix that no confirmed track takes remains theirs. Where a wing beat displaces
+    each frame's fixes in another way (``nonlinear``), distances show less than that all targets are there: a reward of
+    confirmed tracks instead, so that as many of them as can be have a fix. Of 24 flights over near targets under a late
+    camera the handicap loses or doubles a target in three, the reward in none. One rule for both, the odds that a track
+    exists and is detected, does so in one, and in six of sixty over thirty targets, where the handicap does in four.
+    """
+    if nonlinear:
+        return {(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()}
     return {
         (i, j): cost if candidates[i].confirmed else min(cost + CONFIRMED_BONUS, LAST * cost)
         for (i, j), cost in costs.items()
     }
-
-
-def _with_reward(costs: dict[tuple[int, int], float], candidates: Sequence[Candidate]) -> dict[tuple[int, int], float]:
-    """The costs with a reward of confirmed tracks: as many of them as can be have a fix.
-
-    Where a wing beat displaces each frame's fixes in another way, distances show less than that all targets are there.
-    """
-    return {(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()}
 
 
 def _with_misses(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.standing import StandingTargetState
-from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.types import Bias, ErrorPriors
 
 BY_BIAS: Final[Mapping[Bias, str]] = {
@@ -30,11 +30,9 @@ BY_BIAS: Final[Mapping[Bias, str]] = {
 }
 
 
-def bias_shares(target: TargetState, priors: ErrorPriors) -> dict[str, float]:
+def bias_shares(target: TargetEstimate, priors: ErrorPriors) -> dict[str, float]:
     """Horizontal variance of a target by cause, m^2; empty for a filter that keeps no biases apart."""
     match target:
-        case MisplacedTargetState(taken=taken):
-            return bias_shares(taken, priors)
         case CalibratedTargetState(calibrator=calibrator, track=track):
             return _without_attitude(calibrator.bias_shares(track), priors)
         case StandingTargetState():

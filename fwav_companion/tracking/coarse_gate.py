@@ -17,7 +17,8 @@ from typing import TypeAlias, cast
 import msgspec
 
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.tracking.filters.base import CoarselyGated, TargetState
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateShare
 
@@ -69,12 +70,12 @@ class GateStrip(msgspec.Struct, frozen=True, gc=False):
 
 def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
     """Indices of fixes, in order, by the index of a track; every pair that the exact gate accepts is among them."""
-    share_of: Callable[[GroundFix], GateShare] | None = getattr(targets[0][1], "gate_share_of", None)
-    if len(targets) * len(fixes) <= FEW_PAIRS or share_of is None:
+    standing = targets[0][1]
+    if len(targets) * len(fixes) <= FEW_PAIRS or not isinstance(standing, StandingTargetState):
         every = [j for j, *_ in fixes]
         return {i: every for i, _ in targets}
-    strips, possible = _strips(fixes, share_of), {}
-    for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
+    strips, possible = _strips(fixes, standing.gate_share_of), {}
+    for i, target in cast("Sequence[tuple[int, StandingTargetState]]", targets):
         place, own = target.apparent_ned, target.gate_share
         near: list[int] = []
         for strip in strips:

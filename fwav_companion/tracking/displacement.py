@@ -7,7 +7,7 @@ its track and a new one. Such an error displaces all targets of a frame by about
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import hypot
+from math import dist, hypot
 
 import msgspec
 
@@ -54,14 +54,9 @@ def absent(
     confirmed = [track for track in missed if track.confirmed]
     if not (confirmed and photographs):
         return Absent(confirmed, None)
-    off_m = [_off_m(track.target, taken[track.id][0]) for track in tracks if track.confirmed and track.id in taken]
+    seen = [track for track in tracks if track.confirmed and track.id in taken]
+    off_m = [dist(taken[track.id][0].position_ned[:2], track.target.apparent_ned[:2]) for track in seen]
     return Absent(confirmed, min(off_m, default=None))
-
-
-def _off_m(target: TargetState, fix: GroundFix) -> float:
-    """Horizontal distance of a fix from a target."""
-    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
-    return hypot(north, east)
 
 
 def _may_be_displaced(target: TargetState, fix: GroundFix, seen_off_m: float | None) -> bool:

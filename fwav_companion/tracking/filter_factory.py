@@ -82,9 +82,10 @@ def _landmark_tracking(
     priors: ErrorPriors, landmarks: Sequence[Landmark], state_at: StateAt | None
 ) -> LandmarkTracking:
     """The start of landmarks. They need numpy, as self-calibration does."""
-    from fwav_companion.tracking.landmarks.landmark_target import landmark_tracking
+    from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
+    from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 
-    return landmark_tracking(priors, landmarks, state_at)
+    return LandmarkTracking.start(SharedErrors(priors, landmarks), state_at)
 
 
 def _calibrator(

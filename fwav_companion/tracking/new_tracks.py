@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.lifecycle import is_steady
 from fwav_companion.tracking.track_state import LiveTrack, initiate
 from fwav_companion.types import GroundFix, Reason, TrackState
 
@@ -42,15 +44,33 @@ def with_new(
     return tracks, next_id
 
 
+def without_strays(
+    fixes: Sequence[GroundFix], tracks: Sequence[LiveTrack], taken: Container[int], host_ns: HostNs
+) -> list[GroundFix]:
+    """The fixes but those in the gate of a steady track without a fix in this frame: they are no evidence of another.
+
+    Association refuses such a fix where clutter is likelier. A track initiated with it would share its error, as one
+    of a height that several frames repeat, and take the next fixes of the same target from the confirmed track.
+    ``taken``: ids of the tracks with a fix.
+    """
+    waiting = [track for track in tracks if track.id not in taken and is_steady(track.life, host_ns)]
+    return [fix for fix in fixes if not any(_gates(track, fix) for track in waiting)]
+
+
+def _gates(track: LiveTrack, fix: GroundFix) -> bool:
+    detection = fix.sighting.detection
+    differs = None not in (track.detector_id, detection.detector_id) and track.detector_id != detection.detector_id
+    return track.label == detection.label and not differs and track.target.gate(fix).nis < GATE
+
+
 def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
     """Places of the tracks without a fix in this frame that yield to a new one, in that order.
 
     Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
     view do not keep new targets out.
     """
-    unseen = [(track.life, i) for i, track in enumerate(tracks) if track.fix is None]
-    tentative = [
-        (life.log_likelihood_ratio, life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.TENTATIVE
-    ]
-    coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
-    return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]
+    lives = {i: track.life for i, track in enumerate(tracks) if track.fix is None}
+    tentative = [i for i, life in lives.items() if life.state is TrackState.TENTATIVE]
+    coasting = [i for i, life in lives.items() if life.state is TrackState.COASTING]
+    tentative.sort(key=lambda i: (lives[i].log_likelihood_ratio, lives[i].last_seen_ns))
+    return tentative + sorted(coasting, key=lambda i: lives[i].last_seen_ns)

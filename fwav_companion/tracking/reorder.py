@@ -13,10 +13,8 @@ from collections.abc import Mapping
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.self_calibration import CalibrationReport
-from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.tracker import Snapshot, Tracker
-from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, NoFrame, Reason, Track
+from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
 MAX_WAITING = 128
@@ -35,24 +33,21 @@ class Settled(msgspec.Struct, frozen=True):
 class _Placed(msgspec.Struct):
     """A frame inside the window."""
 
-    view: FrameView
+    host_ns: HostNs
+    """Capture."""
     before: Snapshot
     """The tracker before this frame."""
-    tracks: tuple[Track, ...]
-    unused_fixes: Mapping[Reason, int]
-
-    def settled(self) -> Settled:
-        """The frame, ready to be written."""
-        return Settled(self.view, self.tracks, self.unused_fixes)
+    after: Settled
+    """Its line, should no earlier frame come."""
 
 
 class Reorder:
     """The window of half a second before the tracker."""
 
-    __slots__ = ("_placed", "_settled", "_settled_to_ns", "_tracker")
+    __slots__ = ("_placed", "_settled", "_settled_to_ns", "tracker")
 
     def __init__(self, tracker: Tracker) -> None:
-        self._tracker = tracker
+        self.tracker = tracker
         self._placed: list[_Placed] = []
         """By capture; equal captures in the order of their coming."""
         self._settled: list[Settled] = []
@@ -63,27 +58,7 @@ class Reorder:
         """When the next line settles."""
         if self._settled:
             return self._settled[0].view.host_ns
-        return HostNs(self._placed[0].view.host_ns + WINDOW_NS) if self._placed else None
-
-    @property
-    def calibration(self) -> CalibrationReport | None:
-        """What self-calibration knows by the newest frame; None without it."""
-        return self._tracker.calibration
-
-    @property
-    def best_targets(self) -> dict[int, TargetState]:
-        """The targets of all live tracks after the newest frame, by id."""
-        return self._tracker.best_targets()
-
-    @property
-    def landmarks(self) -> tuple[LandmarkRecord, ...]:
-        """What each landmark showed by the newest frame."""
-        return self._tracker.landmarks
-
-    @property
-    def landmark_altitude(self) -> LandmarkAltitude | None:
-        """The vehicle's altitude against a landmark; None before one was seen often enough."""
-        return self._tracker.landmark_altitude
+        return HostNs(self._placed[0].host_ns + WINDOW_NS) if self._placed else None
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""
@@ -92,26 +67,15 @@ class Reorder:
         if refusal is not None:
             return NoFrame(refusal)
         place, views = len(self._placed), [view]
-        if self._placed and view.host_ns < self._placed[-1].view.host_ns:
-            place = bisect_right(self._placed, view.host_ns, key=lambda placed: placed.view.host_ns)
-            views += [placed.view for placed in self._placed[place:]]
-            self._tracker.restore(self._placed[place].before)
+        if self._placed and view.host_ns < self._placed[-1].host_ns:
+            place = bisect_right(self._placed, view.host_ns, key=lambda placed: placed.host_ns)
+            views += [placed.after.view for placed in self._placed[place:]]
+            self.tracker.restore(self._placed[place].before)
             del self._placed[place:]
         for each in views:
-            before, tracks = self._tracker.snapshot(), self._tracker.on_frame(each)
-            self._placed.append(_Placed(each, before, tracks, self._tracker.unused_fixes))
-        return self._placed[-1].tracks
-
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Instant at which self-calibration catches up even if no further frame comes."""
-        return self._tracker.due_ns
-
-    def catch_up(self, now_ns: HostNs) -> None:
-        """Let self-calibration take what is due. A frame that comes late returns to before, and takes it again."""
-        due_ns = self._tracker.due_ns
-        if due_ns is not None and due_ns <= now_ns:
-            self._tracker.catch_up(now_ns)
+            before, tracks = self.tracker.snapshot(), self.tracker.on_frame(each)
+            self._placed.append(_Placed(each.host_ns, before, Settled(each, tracks, self.tracker.unused_fixes)))
+        return self._placed[-1].after.tracks
 
     def close(self, now_ns: HostNs) -> list[Settled]:
         """The lines that have settled by now, in the order of capture, each once."""
@@ -121,18 +85,18 @@ class Reorder:
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """End every track and settle what waits: what was before is over, and nothing can be put into it."""
-        self._settled.extend(placed.settled() for placed in self._placed)
+        self._settled.extend(placed.after for placed in self._placed)
         self._placed = []
         self._settled_to_ns = max(view.host_ns, self._settled_to_ns or view.host_ns)
-        return self._tracker.drop_all(reason, view)
+        return self.tracker.drop_all(reason, view)
 
     def _settle(self, now_ns: HostNs) -> None:
         due = 0
         for placed in self._placed:  # by capture
-            if placed.view.host_ns > now_ns - WINDOW_NS:
+            if placed.host_ns > now_ns - WINDOW_NS:
                 break
-            self._settled.append(placed.settled())
-            self._settled_to_ns = placed.view.host_ns
+            self._settled.append(placed.after)
+            self._settled_to_ns = placed.host_ns
             due += 1
         del self._placed[:due]
 
@@ -141,8 +105,8 @@ class Reorder:
         if view.host_ns <= now_ns - WINDOW_NS or (settled_to_ns is not None and view.host_ns < settled_to_ns):
             return Reason.TOO_LATE
         for placed in reversed(self._placed):  # by capture
-            if placed.view.host_ns < view.host_ns:
+            if placed.host_ns < view.host_ns:
                 break
-            if placed.view.host_ns == view.host_ns and placed.view.frame == view.frame:
+            if placed.host_ns == view.host_ns and placed.after.view.frame == view.frame:
                 return Reason.DUPLICATE_FRAME
         return Reason.TOO_MANY_FRAMES if len(self._placed) >= MAX_WAITING else None

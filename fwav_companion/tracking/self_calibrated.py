@@ -8,15 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 
 from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, horizontal_sigma
-from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.self_calibration.calibration_report import SharedParameter
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import FrameView, GroundFix, Track
@@ -37,6 +36,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
     own: TargetState
     by_fix: CalibratedFix | None = None
     """The target by its fix of this frame, where that is better: it has error and delay of the vehicle's report."""
+    velocity_ned: ClassVar[None] = None
+    velocity_cov: ClassVar[None] = None
 
     @property
     def position_ned(self) -> Vector3:
@@ -78,22 +79,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
     def _follows(self) -> bool:
         return horizontal_sigma(self.own.relative_cov) < horizontal_sigma(self._place_cov)
 
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """None: the target is known to stand."""
-        return None
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """None: the target is known to stand."""
-        return None
-
-    def predict(self, host_ns: HostNs) -> TargetState:
-        """The target stays."""
-        return self.own.predict(host_ns)
-
     def gate(self, fix: GroundFix) -> GateResult:
-        """How little a fix was expected in the image, with what calibration knows by now."""
+        """Gating statistics of a fix, with what calibration knows by now."""
         seen = self.calibrator.gate(self.track, fix)
         return self.own.gate(fix) if seen is None else seen
 
@@ -102,75 +89,15 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
         served = self.calibrator.passes.served
         return inf if served is None else served.best.separation2(self.track, other)
 
-    def update(self, fix: GroundFix) -> TargetState:
-        """Its own filter goes on beside the joint estimate."""
-        return self.own.update(fix)
-
 
 def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> Symmetric2:
     """Covariance of an apparent place relative to the vehicle, horizontal, m^2: with noise and delay of its report."""
     noise, (nn, ne, ee) = calibrator.context.priors.position_noise_m**2, placed.relative_cov
-    if isinstance(own, StandingTargetState) and calibrator.assessment is not None and any(own.late):
+    if isinstance(own, StandingTargetState) and calibrator.assessment is not None and own.late:
         sigma_s = float(calibrator.context.sigmas[SharedParameter.POSITION_DELAY])
         late = own.report_lateness(calibrator.assessment.position_delay_share(sigma_s))
         nn, ne, ee = nn + late[0], ne + late[1], ee + late[2]
     return (nn + noise, ne, ee + noise)
-
-
-def _claimed_m2(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> float:
-    """Trace of that covariance, m^2."""
-    nn, _, ee = place_cov(calibrator, placed, own)
-    return nn + ee
-
-
-class MisplacedTargetState(msgspec.Struct, frozen=True):
-    """State of a track that is published while the mount is known to be wrong: its position with a large sigma."""
-
-    taken: TargetState
-    misplaced_m: float
-    """One sigma an axis, horizontal."""
-
-    @property
-    def position_ned(self) -> Vector3:
-        """Metres."""
-        return self.taken.position_ned
-
-    @property
-    def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED."""
-        return add_diagonal(self.taken.cov, self.misplaced_m**2, 0.0)
-
-    @property
-    def apparent_ned(self) -> Vector3:
-        """The position that it was taken to have relative to the vehicle."""
-        return self.taken.apparent_ned
-
-    @property
-    def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
-        return add_diagonal(self.taken.relative_cov, self.misplaced_m**2, 0.0)
-
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """A wrong mount shifts, and turns as it shifts: nothing is known of the target's own motion."""
-        return None
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """None, as the velocity."""
-        return None
-
-    def predict(self, host_ns: HostNs) -> TargetState:
-        """As it was taken to be."""
-        return self.taken.predict(host_ns)
-
-    def gate(self, fix: GroundFix) -> GateResult:
-        """How little a fix was expected, the mount as configured."""
-        return self.taken.gate(fix)
-
-    def update(self, fix: GroundFix) -> TargetState:
-        """As it was taken to be."""
-        return self.taken.update(fix)
 
 
 class TargetChoice(msgspec.Struct, frozen=True):
@@ -189,11 +116,13 @@ class TargetChoice(msgspec.Struct, frozen=True):
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        fix, own = track.fix, track.target
-        by_fix = None if fix is None else calibrator.by_fix(fix, placed, _claimed_m2(calibrator, placed, own))
-        return CalibratedTargetState(calibrator, track.id, placed, own, by_fix)
+        target = CalibratedTargetState(calibrator, track.id, placed, track.target)
+        if track.fix is None:
+            return target
+        nn, _, ee = place_cov(calibrator, placed, track.target)
+        return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.fix, placed, nn + ee))
 
-    def target(self, track: LiveTrack) -> TargetState:
+    def target(self, track: LiveTrack) -> TargetEstimate:
         """The target by the joint estimate once that is calibrated, by its own filter before.
 
         Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
@@ -213,17 +142,27 @@ class TargetChoice(msgspec.Struct, frozen=True):
         return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
 
     def reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
-        """The tracks' reports, without branches. While the mount is known to be wrong, no fix, and wide covariances."""
+        """The tracks' reports, without branches."""
+        reports = tuple([track.report(self.target(track), view) for track in tracks if track.id > 0])
         misplaced_m = 0.0 if self.calibrator is None else self.calibrator.misplaced_m
-        tracks = [track for track in tracks if track.id > 0]
-        if misplaced_m == 0.0:
-            return tuple([track.report(self.target(track), view) for track in tracks])
-        return tuple(
-            msgspec.structs.replace(track, fix=None, innovation=None).report(
-                MisplacedTargetState(self.target(track), misplaced_m), view
-            )
-            for track in tracks
-        )
+        return reports if misplaced_m == 0.0 else tuple([misplaced(report, misplaced_m) for report in reports])
+
+
+def misplaced(report: Track, sigma_m: float) -> Track:
+    """The report while the mount is known to be wrong: wider by its effect, without a fix, and without a velocity.
+
+    A wrong mount shifts the place, and turns as it shifts. ``sigma_m``: one sigma an axis, horizontal.
+    """
+    variance = sigma_m**2
+    return msgspec.structs.replace(
+        report,
+        cov=add_diagonal(report.cov, variance, 0.0),
+        relative_cov=add_diagonal(report.relative_cov, variance, 0.0),
+        velocity_ned=None,
+        velocity_cov=None,
+        fix=None,
+        innovation=None,
+    )
 
 
 def _level(horizontal: Symmetric2, down: float) -> Matrix3:

@@ -15,7 +15,7 @@ from math import dist
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.lifecycle import LOOK_S
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState
@@ -67,7 +67,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
         tracks: Sequence[LiveTrack],
         missed: Sequence[int],
         elapsed_ns: int,
-        target_of: Callable[[LiveTrack], TargetState],
+        target_of: Callable[[LiveTrack], TargetEstimate],
     ) -> TrackMerging:
         """The pairs after a frame. ``missed``: ids of the tracks that it missed; ``elapsed_ns``: since the last one."""
         if not missed and not self.pairs:
@@ -87,7 +87,9 @@ class TrackMerging(msgspec.Struct, frozen=True):
                 pairs[pair[0], pair[1]] = turns.with_look(looked_ns, fast=junior.life.misses <= FAST)
         return TrackMerging(pairs) if pairs or self.pairs else self
 
-    def merged(self, tracks: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetState]) -> Sequence[LiveTrack]:
+    def merged(
+        self, tracks: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate]
+    ) -> Sequence[LiveTrack]:
         """The tracks, juniors deleted whose senior has a fix in this frame, so that no fix is lost with them."""
         if not self.pairs:
             return tracks
@@ -107,10 +109,10 @@ def seniority(track: LiveTrack) -> tuple[int, int]:
 
 
 def _substitutes(
-    missed: LiveTrack, seen: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetState]
+    missed: LiveTrack, seen: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate]
 ) -> Iterator[LiveTrack]:
     """The confirmed tracks whose fix in this frame the missed track's gate accepts."""
-    target: TargetState | None = None
+    target: TargetEstimate | None = None
     for track in seen:
         if track.label == missed.label and track.fix is not None and not _differ_by_id(track, missed):
             target = target or target_of(missed)
@@ -118,7 +120,7 @@ def _substitutes(
                 yield track
 
 
-def _coincide(one: TargetState, other: TargetState, fix: GroundFix) -> bool:
+def _coincide(one: TargetEstimate, other: TargetEstimate, fix: GroundFix) -> bool:
     """Whether calibration puts both nearer to each other than the noise of a single fix, and cannot tell them apart.
 
     Estimates without it are apart by what the legs differ in, and could coincide while one of two targets hides. Two

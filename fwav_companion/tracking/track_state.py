@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, WanderEvidence
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
@@ -29,18 +29,13 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     target: TargetState
     """The filter's state, predicted to the newest frame."""
     life: Life
-    detector_id: int | None = None
-    """The detector's id of the last fix that had one."""
-    last_pixel: tuple[float, float] | None = None
-    """Pixel (u, v) of the last fix."""
+    last_fix: GroundFix
     fix: GroundFix | None = None
     """Fix of the newest frame; None where the frame brought none."""
+    detector_id: int | None = None
+    """The detector's id of the last fix that had one."""
     looked_for: bool = False
     """Whether the newest frame covers the target, although it brought no fix of it."""
-    slant_m: float = 0.0
-    """Distance from the camera at the last fix, metres."""
-    level_sigma_m: float = 0.0
-    """One sigma of the ground's level by the newest fix, metres: the same in every fix, so it does not average out."""
     innovation: Innovation | None = None
     """Innovation of the newest frame's fix, where requested."""
     replaced_by: int | None = None
@@ -55,23 +50,23 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         """Whether the track is confirmed; also true after its deletion."""
         return self.life.confirmed_ns is not None
 
+    @property
+    def slant_m(self) -> float:
+        """Distance from the camera at the last fix, metres."""
+        return dist(self.last_fix.position_ned, self.last_fix.sighting.camera_ned)
+
     def updated(
         self, host_ns: HostNs, fix: GroundFix, log_likelihood_ratio: float, detector: DetectorModel
     ) -> LiveTrack:
         """The track after a frame with a fix of it. ``log_likelihood_ratio``: of the fix, target against clutter."""
-        detection = fix.sighting.detection
-        return LiveTrack(
-            id=self.id,
-            label=self.label,
+        detector_id = fix.sighting.detection.detector_id
+        return msgspec.structs.replace(
+            self,
             target=self.target.update(fix),
             life=detected(self.life, host_ns, log_likelihood_ratio, detector),
-            detector_id=self.detector_id if detection.detector_id is None else detection.detector_id,
-            last_pixel=(detection.u, detection.v),
+            last_fix=fix,
             fix=fix,
-            slant_m=dist(fix.position_ned, fix.sighting.camera_ned),
-            level_sigma_m=fix.level_sigma_m,
-            replaces=self.replaces,
-            branch_of=self.branch_of,
+            detector_id=self.detector_id if detector_id is None else detector_id,
         )
 
     def deleted(self, reason: Reason) -> LiveTrack:
@@ -93,9 +88,9 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         )
         return after, ended.deleted(Reason.REPLACED)
 
-    def report(self, target: TargetState, view: FrameView) -> Track:
+    def report(self, target: TargetEstimate, view: FrameView) -> Track:
         """The track after this frame, at a ``target`` that may be another than its own filter's."""
-        life = self.life
+        life, last = self.life, self.last_fix
         return Track(
             id=self.id,
             label=self.label,
@@ -107,10 +102,10 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
             boot_ns=view.boot_ns,
             frame=view.frame,
             position_ned=target.position_ned,
-            cov=_with_level(target.cov, self.level_sigma_m),
+            cov=_with_level(target.cov, last.level_sigma_m),
             apparent_ned=target.apparent_ned,
             vehicle_ned=view.vehicle_ned,
-            relative_cov=_with_level(target.relative_cov, self.level_sigma_m),
+            relative_cov=_with_level(target.relative_cov, last.level_sigma_m),
             velocity_ned=target.velocity_ned,
             velocity_cov=target.velocity_cov,
             fix=self.fix,
@@ -119,7 +114,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
             first_host_ns=life.first_ns,
             confirmed_host_ns=life.confirmed_ns,
             last_seen_host_ns=life.last_seen_ns,
-            last_pixel=self.last_pixel,
+            last_pixel=(last.sighting.detection.u, last.sighting.detection.v),
         )
 
 
@@ -131,31 +126,27 @@ def initiate(number: int, fix: GroundFix, target: TargetState, host_ns: HostNs) 
         label=detection.label,
         target=target,
         life=initiated(host_ns),
-        detector_id=detection.detector_id,
-        last_pixel=(detection.u, detection.v),
+        last_fix=fix,
         fix=fix,
-        slant_m=dist(fix.position_ned, fix.sighting.camera_ned),
-        level_sigma_m=fix.level_sigma_m,
+        detector_id=detection.detector_id,
     )
 
 
-def innovation(before: TargetState, fix: GroundFix) -> Innovation:
+def innovation(before: TargetEstimate, fix: GroundFix) -> Innovation:
     """The innovation of a fix against the predicted target."""
     north_m, east_m, _ = subtract(fix.position_ned, before.apparent_ned)
     return Innovation(north_m, east_m, before.gate(fix).nis)
 
 
 def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
-    """The covariance with the variance of the ground's level, which every fix shares."""
+    """The covariance with the variance of the ground's level: the same in every fix, so it does not average out."""
     north, east, (down_north, down_east, down_down) = cov
     return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
 
 
 def opened(target: TargetState, view: FrameView) -> TargetState:
     """The target after a jump of the vehicle's reported position, where its filter follows that."""
-    jumped = getattr(target, "jumped", None)
-    after: TargetState = target if jumped is None else jumped(view.jumped_m)
-    return after
+    return target.jumped(view.jumped_m) if isinstance(target, StandingTargetState) else target
 
 
 def detector_after(
@@ -188,16 +179,21 @@ def detector_after(
     return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided)
 
 
-def unused_fixes(tracks: Sequence[LiveTrack], refused: int) -> dict[Reason, int]:
-    """Number of fixes of a frame that no reported track has, by reason. ``refused``: it found the table full."""
-    weak = sum([track.id < 0 and track.fix is not None for track in tracks])
+def unused_fixes(tracks: Sequence[LiveTrack], refused: int, strays: int) -> dict[Reason, int]:
+    """Number of fixes of a frame that no reported track has, by reason.
+
+    ``refused``: they found the table full; ``strays``: no track was initiated with them (``new_tracks``).
+    """
+    weak = strays + sum([track.id < 0 and track.fix is not None for track in tracks])
     counts = {Reason.TOO_MANY_TRACKS: refused, Reason.WEAK_EVIDENCE: weak}
     return {reason: count for reason, count in counts.items() if count}
 
 
 def teaches(fix: GroundFix) -> bool:
-    """Whether the height of the detected point above the ground is exactly known."""
-    return fix.sighting.anchor_sigma_m == 0.0
+    """Whether the height of the detected point above the ground is exactly known, and the vehicle's motion too: in a
+    world without a position, targets move as the vehicle does.
+    """
+    return fix.sighting.anchor_sigma_m == 0.0 and not fix.sighting.relative
 
 
 def with_shared_evidence(
@@ -208,17 +204,16 @@ def with_shared_evidence(
     It is the newest of a confirmed track, else the ``known`` one: clutter and what moves must not show it. Filters of a
     user have no part in it.
     """
-    newest, shared = known, True
+    newest = known
     for track in tracks:
-        if isinstance(track.target, StandingTargetState) and track.target.wander_evidence is not known:
-            own, shared = track.target.wander_evidence, False
-            if own is not None and own.until_ns > (newest or NO_EVIDENCE).until_ns and track.confirmed:
-                newest = own
-    if shared or newest is None:
-        return tracks, newest
+        own = track.target.wander_evidence if isinstance(track.target, StandingTargetState) else None
+        if own is not None and track.confirmed and own.until_ns > (newest or NO_EVIDENCE).until_ns:
+            newest = own
+    if newest is None:
+        return tracks, None
     return tuple(
         [
-            msgspec.structs.replace(track, target=track.target.with_wander_evidence(newest))
+            msgspec.structs.replace(track, target=msgspec.structs.replace(track.target, wander_evidence=newest))
             if isinstance(track.target, StandingTargetState) and track.target.wander_evidence is not newest
             else track
             for track in tracks

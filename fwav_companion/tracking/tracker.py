@@ -13,11 +13,11 @@ from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
-from fwav_companion.tracking.filters.base import Filter, TargetState
+from fwav_companion.tracking.filters.base import Filter, TargetEstimate
 from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 from fwav_companion.tracking.joint_compatibility import CommonBiases, JointGate
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, is_steady, not_detected
-from fwav_companion.tracking.new_tracks import MAX_TRACKS, with_new
+from fwav_companion.tracking.new_tracks import MAX_TRACKS, with_new, without_strays
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
@@ -50,7 +50,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     calibrator: Calibrator | None = None
     """None without self-calibration."""
     beside: Snapshot | None = None
-    """State of the tracker that calibrates in the place of this one."""
+    """State of the tracker that calibrates in the place of this one, where it is to return to."""
     merging: TrackMerging = TrackMerging()
     detector: DetectorModel = DetectorModel()
     unused_fixes: Mapping[Reason, int] = {}
@@ -91,9 +91,7 @@ class Tracker:
         self._corrects = corrects
         self._patience_ns = patience_ns
         self._beside = beside
-        self._state = Snapshot(
-            calibrator=calibrator, beside=None if beside is None else beside.snapshot(), landmarks=landmarks
-        )
+        self._state = Snapshot(calibrator=calibrator, landmarks=landmarks)
 
     @property
     def calibration(self) -> CalibrationReport | None:
@@ -101,7 +99,7 @@ class Tracker:
         calibrator = self._calibrator
         return None if calibrator is None else calibrator.report()
 
-    def best_targets(self) -> dict[int, TargetState]:
+    def best_targets(self) -> dict[int, TargetEstimate]:
         """The reported targets of all live tracks, by id."""
         target = self._choice.target
         return {track.id: target(track) for track in self._state.alive if track.id > 0}
@@ -132,11 +130,12 @@ class Tracker:
 
     @property
     def _calibrator(self) -> Calibrator | None:
-        return self._state.calibrator if self._beside is None else self._beside._calibrator
+        return (self._beside or self)._state.calibrator
 
     def snapshot(self) -> Snapshot:
         """The present state, to return to."""
-        return self._state
+        beside = self._beside
+        return self._state if beside is None else msgspec.structs.replace(self._state, beside=beside.snapshot())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to an earlier state, ids included: the same frames then give the same tracks again."""
@@ -155,10 +154,12 @@ class Tracker:
         after, missed = self._after(predicted, taken, view, choice)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
-        tracks, next_id, refused = list(merging.merged(after, choice.target)), state.next_id, 0
+        tracks, next_id, refused, strays = list(merging.merged(after, choice.target)), state.next_id, 0, 0
         if len(taken) < len(view.fixes):
             used = {id(fix) for fix, _ in taken.values()}
-            free = [fix for fix in view.fixes if id(fix) not in used]
+            left = [fix for fix in view.fixes if id(fix) not in used]
+            free = without_strays(left, predicted, taken, view.host_ns)
+            strays = len(left) - len(free)
             target_of = self._filter.initiate if landmarks is None else landmarks.initiate
             tracks, next_id = with_new(
                 tracks, free, view.host_ns, next_id, target_of=target_of, branchings=branchings, detector=state.detector
@@ -166,7 +167,7 @@ class Tracker:
             refused = len(after) + len(free) - len(tracks)
         detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=refused)
         if landmarks is not None:
-            landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
+            landmarks = landmarks.tracked(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
         branches = [track for track in tracks if track.id < 0]
         if branches:
@@ -174,12 +175,11 @@ class Tracker:
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         living, wander = with_shared_evidence(living, state.wander)
         calibrator = self._taught(view, living)
-        unused = unused_fixes(tracks, refused) if refused or branches else {}
+        unused = unused_fixes(tracks, refused, strays) if refused or branches or strays else {}
         self._state = Snapshot(
             living,
             next_id,
             calibrator,
-            self._beside_state(),
             merging=merging,
             detector=detector,
             unused_fixes=unused,
@@ -191,19 +191,12 @@ class Tracker:
 
     def _predicted(self, view: FrameView, landmarks: LandmarkTracking | None) -> list[LiveTrack]:
         """The live tracks at the instant of a frame, before it."""
-        predicted = [
-            msgspec.structs.replace(
-                track,
-                target=(opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns),
-                fix=None,
-                looked_for=False,
-                innovation=None,
-            )
-            for track in self._state.alive
-        ]
-        if landmarks is None:
-            return predicted
-        return [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted]
+        predicted = []
+        for track in self._state.alive:
+            target = (opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns)
+            target = target if landmarks is None else landmarks.corrected(target)
+            predicted.append(msgspec.structs.replace(track, target=target, fix=None, looked_for=False, innovation=None))
+        return predicted
 
     def _after(
         self, predicted: Sequence[LiveTrack], taken: Taken, view: FrameView, choice: TargetChoice
@@ -232,7 +225,6 @@ class Tracker:
         """Let self-calibration take the fixes that are due, between frames that come seldom."""
         if self._beside is not None:
             self._beside.catch_up(now_ns)
-            self._state = msgspec.structs.replace(self._state, beside=self._beside.snapshot())
         calibrator, living = self._state.calibrator, self._state.alive
         if calibrator is not None and calibrator.due_ns is not None and calibrator.due_ns <= now_ns:
             caught_up = calibrator.caught_up(now_ns, {track.id for track in self._teachers(living, now_ns)})
@@ -251,13 +243,8 @@ class Tracker:
         if self._beside is not None:
             self._beside.drop_all(reason, view)
         landmarks = None if state.landmarks is None else state.landmarks.restarted()
-        self._state = Snapshot(
-            (), state.next_id, restarted, self._beside_state(), detector=state.detector, landmarks=landmarks
-        )
+        self._state = Snapshot((), state.next_id, restarted, detector=state.detector, landmarks=landmarks)
         return reported
-
-    def _beside_state(self) -> Snapshot | None:
-        return None if self._beside is None else self._beside.snapshot()
 
     def _associated(
         self, tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice, joint: JointGate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.vectors import Vector3, dot, norm, subtract, transform
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import FrameView, Sighting
 
 AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
@@ -13,7 +13,7 @@ TOWARD_COSINE = 0.985
 """10 degrees: a delay of 50 ms turns a sight by 8 degrees at the fastest of a beat of 5 degrees at 5 Hz."""
 
 
-def is_missed_detection(view: FrameView, label: str, target: TargetState, margin_m: float | None) -> bool:
+def is_missed_detection(view: FrameView, label: str, target: TargetEstimate, margin_m: float | None) -> bool:
     """Whether the frame covers the target and has no sighting that may be its own.
 
     The frame must cover the target's position, and, unless ``margin_m`` is None, its surroundings of one sigma and of

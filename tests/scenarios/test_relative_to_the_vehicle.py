@@ -50,6 +50,17 @@ def test_a_descent_with_a_wandering_position_ends_right_to_a_decimetre(calibrate
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
+def test_a_calibrated_descent_ends_right_to_centimetres_where_the_lever_arm_is_known():
+    """From 1 m, with an exact position: a lever arm known to 3 cm an axis alone would leave 2 cm."""
+    exact = tuple(f"uncertainty.{each}" for each in ("position_bias_m=0.0", "position_noise_m=0.01"))
+    settings = (LATE, *exact, "uncertainty.lever_arm_sigma_m=0.0", "tracking.self_calibration=true")
+    ends = [errors[-1][0] for errors in flights("descent", settings, 50.0, 3) if errors]
+    assert len(ends) == 3
+    assert max(ends) < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", [2, 6])
 def test_near_the_ground_a_wandering_position_is_no_mistake_of_the_mount(seed):
     """From 1 m, what it wanders by in ten seconds looks like a mount off by half a turn, and all places as unknown."""

@@ -41,7 +41,7 @@ def taught(targets, row_ns=2_000_000):
         fixes.append((track, msgspec.structs.replace(fix, sighting=sighting)))
     calibrator = calibrator.updated(frame_ns, (), fixes, tracks).updated(frame_ns + 10**9, (), [], tracks)
     after = calibrator.passes.served
-    return after.taken, sorted(1e-9 * (first_ns - boot_ns) for boot_ns in asked)
+    return after.taken, sorted(1e-9 * (first_ns - boot_ns) for boot_ns in set(asked))
 
 
 @pytest.mark.parametrize("targets", [1, 3, 10, 20])
@@ -52,12 +52,13 @@ def test_every_target_of_a_frame_teaches(targets):
 def test_few_rows_are_measured_with_the_vehicle_at_their_own_instants():
     """Rows of a frame are captured one after another while the vehicle rotates."""
     _, delays = taught(3, row_ns=15_000_000)
-    assert [d for d in delays if abs(d - DELAY_S) < 0.05] == pytest.approx([DELAY_S - 0.03, DELAY_S - 0.015, DELAY_S])
+    at_rows = [DELAY_S - 0.03, DELAY_S - 0.015, DELAY_S]
+    assert [d for d in delays if abs(d - DELAY_S) < 0.05] == pytest.approx(at_rows)
 
 
 def test_the_readout_of_many_targets_takes_a_few_states():
     _, delays = taught(20, row_ns=1_700_000)
     grid = [d for d in delays if abs(d - DELAY_S) < 0.05]
     assert (grid[0], grid[-1]) == pytest.approx((DELAY_S - 19 * 0.0017, DELAY_S))
-    assert len(grid) == 4
+    assert len(grid) == 4 + 1, "and the one of the path, at the middle row"
     assert max(np.diff(grid)) <= KNOT_S

@@ -73,7 +73,7 @@ def optimum(flight, world, frames, until_s):
 
     def residuals(x):
         delay, mount, heading, target = x[0], x[1:4], x[4], x[5:]
-        rotation, position, _, _ = world.autopilot.reported(times - delay)
+        rotation, position, *_ = world.autopilot.reported(times - delay)
         true = Rotation.from_rotvec([0.0, 0.0, -heading]) * rotation
         camera = true * Rotation.from_rotvec(mount).inv() * BODY_FROM_CAMERA
         d = camera.inv().apply(np.append(target, 0.0) - position)

@@ -15,8 +15,6 @@ from fwav_companion.self_calibration.innovation_consistency import (
     InnovationConsistency,
     drift_of,
 )
-from fwav_companion.self_calibration.joint_filter import PixelInnovations
-from fwav_companion.self_calibration.pixel_measurement import ROW_COUNT
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
@@ -26,21 +24,17 @@ BLOCK = SHORTEST_NS // STEP_NS
 NOISE = np.array([[9.0, 3.0], [3.0, 5.0]])
 """Covariance of a pixel, px^2: neither round nor axis-aligned."""
 ROOT = np.linalg.cholesky(NOISE)
-USED = np.ones((1, 1), bool)
+USED = np.ones(1, bool)
 
 
-def an_innovation(difference, cov=NOISE):
-    rows, one = np.zeros((1, 2, ROW_COUNT)), np.zeros((1, 1))
-    return PixelInnovations(
-        difference=np.array([difference]), rows=rows, crossed=rows, cov=np.array([cov]), common=rows,
-        nis=one, determinant=one, displaced=0.0, valid=USED,
-    )  # fmt: skip
+def whitened(difference):
+    return np.linalg.solve(ROOT, difference)
 
 
 def drifted(differences, first_ns=0):
     drift = InnovationConsistency()
     for k, difference in enumerate(differences):
-        drift = drift.seen(first_ns + k * STEP_NS, an_innovation(difference), USED)
+        drift = drift.seen(first_ns + k * STEP_NS, whitened(difference), USED)
     return drift
 
 
@@ -88,7 +82,7 @@ def test_an_autopilot_that_errs_is_expected_to_drift_until_noise_is_seen():
     assert (erring.factor, erring.shown, drift_of(priors()).factor) == (EXPECTED, 1.0, 1.0)
     rng = np.random.default_rng(4)
     for k in range(3000):
-        erring = erring.seen(k * STEP_NS, an_innovation(ROOT @ rng.standard_normal(2)), USED)
+        erring = erring.seen(k * STEP_NS, whitened(ROOT @ rng.standard_normal(2)), USED)
     assert 1.0 <= erring.factor < 0.35 * EXPECTED
 
 
@@ -99,8 +93,8 @@ def test_another_base_of_the_clock_changes_nothing():
 
 def test_silence_and_late_measurements_break_nothing():
     drift = drifted([(1.0, 1.0)] * 20)
-    after = drift.seen(20 * STEP_NS + 3_600_000_000_000, an_innovation((1.0, 1.0)), USED)
-    late = after.seen(0, an_innovation((1.0, 1.0)), USED)
+    after = drift.seen(20 * STEP_NS + 3_600_000_000_000, whitened((1.0, 1.0)), USED)
+    late = after.seen(0, whitened((1.0, 1.0)), USED)
     assert np.isfinite(late.closed).all()
     assert late.blocks[0, 0] == 2
     assert np.array_equal(late.closed, after.closed)

@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 from handmade import BOOT_NS
+from pixel_covariances import pixel_noise
 from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, priors
 from simulated_world import World
@@ -16,7 +17,6 @@ from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     camera_pose,
     measurement_batch,
-    pixel_noise,
     predict,
 )
 
@@ -125,9 +125,7 @@ def test_measurements_between_the_same_two_attitudes_share_their_noise():
     at = predicted(batch, (4.0, 3.0), np.zeros(SHARED_COUNT))
 
     def noise(spacing_s, since_s):
-        scalars = batch.scalars.copy()
-        scalars[:, 1], scalars[:, 6] = spacing_s, since_s
-        spaced = msgspec.structs.replace(batch, scalars=scalars)
+        spaced = msgspec.structs.replace(batch, attitude_spacing_s=np.array([spacing_s]), since_s=np.array([since_s]))
         return np.subtract(*(pixel_noise(spaced, at.rows, priors(attitude_noise=a)) for a in (0.01, 0.0)))
 
     alone = noise(0.02, 0.1)
@@ -146,7 +144,7 @@ def test_the_joint_estimate_is_the_batch_fit():
     places = [*used, SHARED_COUNT, SHARED_COUNT + 1]
     for batch in some_batches():
         seen = joint.innovations(batch)
-        joint, _ = joint.update(seen, seen.valid)
+        joint, *_ = joint.update(seen, seen.valid)
         at = predict(batch, np.array([[target]]), point)
         rows = at.rows[0, 0][:, places]
         weight = np.linalg.inv(pixel_noise(batch, at.rows, p)[0, 0])

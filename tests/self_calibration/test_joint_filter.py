@@ -3,22 +3,26 @@
 import msgspec
 import numpy as np
 import pytest
+from pixel_covariances import pixel_noise
 from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import joint_filter as joint_filter_module
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.ground_gate import GroundGate
 from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.measurement_queue import MOST_SIGHTS
 from fwav_companion.self_calibration.pixel_measurement import (
+    DELAY,
     SHARED_COUNT,
     camera_pose,
     common_noise,
     joined,
     measurement_batch,
-    pixel_noise,
     predict,
 )
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.types import Bias, Reason, Unpaired
 
 SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.02, 0.01, -0.02, 0.03]])
 SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.05, 0.03, 0.03, 0.03))
@@ -27,19 +31,29 @@ ELSEWHERE = np.zeros((1, SHARED_COUNT))
 TRACKS = (3, 5, 8)
 STEP = 1e-6
 PRIORS = priors(position_north=0.5, position_east=0.5)
+UNPAIRED = Unpaired(Reason.BEFORE_HISTORY)
 FIRST = SHARED_COUNT + 4
 """Index of the first target: position errors north and east with their rates come before."""
 POSITION = np.array([0.1, -0.15, 0.0, 0.0])
 
 
+def a_hover():
+    return World(Flight(seconds=6, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
+
+
+def some_fixes(world):
+    return [fix for view in world.frames() for fix in view.fixes][::20]
+
+
+def batch_of(fixes, world, delays_s):
+    poses = delayed_poses([fix.sighting.state for _, fix in fixes], delays_s, world.state_at)
+    return measurement_batch(fixes, poses, (0.0,) * len(fixes))
+
+
 def some_batches():
     """Single measurements of one target, of different frames."""
-    world = World(Flight(seconds=6, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
-    fixes = [fix for view in world.frames() for fix in view.fixes][::20]
-    return [
-        measurement_batch([(0, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (0.0,))
-        for fix in fixes
-    ]
+    world = a_hover()
+    return [batch_of([(0, fix)], world, (0.0,)) for fix in some_fixes(world)]
 
 
 def a_frame():
@@ -93,25 +107,62 @@ def densely(joint, batch, place):
     return there.residual[0, 0], noise + full @ joint.cov[0] @ full.T, noise
 
 
-def test_gates_are_those_of_dense_matrices():
-    batches = some_batches()
-    assert len(batches) > 5
-    for seed, batch in enumerate(batches):
-        rng = np.random.default_rng(seed)
+def test_gates_of_a_flapping_vehicle_are_nearly_those_in_pixels():
+    """About the mean, in pixels: the gate compares points on the ground, with the sensitivities of the fixes."""
+    world = a_hover()
+    fixes = some_fixes(world)
+    assert len(fixes) > 5
+    for seed, fix in enumerate(fixes):
+        rng, batch = np.random.default_rng(seed), batch_of([(0, fix)], world, (0.0,))
         point = camera_pose(batch, SHARED).ground_points(batch.ray)[0][0, 0]
-        joint = joint_with(point + rng.uniform(-3.0, 3.0, (3, 2)), rng)
-        nis, log_det = joint.gates(batch)
+        joint = joint_with(point + rng.uniform(-0.3, 0.3, (3, 2)), rng)
+        gate = GroundGate(joint, [fix], world.state_at)
         for place in range(3):
             residual, cov, noise = densely(joint, batch, place)
-            assert nis[place, 0] == pytest.approx(residual @ np.linalg.solve(cov, residual), rel=1e-3)
-            assert log_det[place, 0] == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(noise)), abs=1e-3)
+            found = gate.gate(place, 0)
+            assert found.nis == pytest.approx(residual @ np.linalg.solve(cov, residual), rel=0.2, abs=0.05)
+            assert found.log_det_ratio == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(noise)), abs=0.5)
 
 
-def test_what_lies_behind_the_camera_is_outside_every_gate():
-    rng, batch = np.random.default_rng(0), some_batches()[0]
-    joint = joint_with(rng.normal(size=(3, 2)), rng)
-    skyward = msgspec.structs.replace(batch, ray=-batch.ray)
-    assert np.isinf(joint.gates(skyward)[0]).all()
+def test_gates_of_a_vehicle_at_rest_are_those_of_dense_matrices_on_the_ground():
+    """Points by the chain of a batch, and the fixes' own Jacobians in the order of the shared parameters."""
+    order = [Bias.TIME_OFFSET, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEADING, Bias.HEIGHT, Bias.READOUT]
+    order += [Bias.POSITION_DELAY, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z]
+    signs = np.where(np.array(order) == Bias.READOUT, -1.0, 1.0)
+    for seed, fix in enumerate(some_fixes(a_hover())):
+        rest = msgspec.structs.replace(fix.sighting.state, rates=(0.0, 0.0, 0.0), velocity_ned=(0.0, 0.0, 0.0))
+        poses = delayed_poses([rest], (0.0,), lambda _, rest=rest: rest)
+        rng, batch = np.random.default_rng(seed), measurement_batch([(0, fix)], poses, (0.0,))
+        point = camera_pose(batch, SHARED).ground_points(batch.ray)[0][0, 0]
+        joint = joint_with(point + rng.uniform(-3.0, 3.0, (3, 2)), rng)
+        gate = GroundGate(joint, [fix], lambda _, rest=rest: rest)
+        noise, rows = np.array(fix.noise_cov)[:2, :2], np.array(fix.bias_jacobian)[order, :2].T * signs
+        for place in range(3):
+            at, full = FIRST + 2 * place, np.zeros((2, joint.mean.shape[1]))
+            full[:, :SHARED_COUNT] = rows
+            full[:, SHARED_COUNT : SHARED_COUNT + 2] = full[:, at : at + 2] = np.eye(2)
+            off, cov = point - joint.mean[0, at : at + 2] - POSITION[:2], noise + full @ joint.cov[0] @ full.T
+            found = gate.gate(place, 0)
+            assert found.nis == pytest.approx(off @ np.linalg.solve(cov, off), rel=1e-3)
+            expected = np.log(np.linalg.det(cov) / np.linalg.det(noise))
+            assert found.log_det_ratio == pytest.approx(expected, abs=1e-3)
+
+
+def test_what_lies_above_the_horizon_is_outside_every_gate():
+    world, rng = a_hover(), np.random.default_rng(0)
+    fix = some_fixes(world)[0]
+    ray = msgspec.structs.replace(fix.sighting.ray, direction=tuple(-x for x in fix.sighting.ray.direction))
+    skyward = msgspec.structs.replace(fix, sighting=msgspec.structs.replace(fix.sighting, ray=ray))
+    for _ in range(8):  # with covariances of north and east of either sign
+        gate = GroundGate(joint_with(rng.normal(size=(3, 2)), rng), [fix, skyward], world.state_at)
+        assert all(np.isfinite(gate.gate(place, 0).nis) for place in range(3))
+        assert all(np.isinf(gate.gate(place, 1).nis) for place in range(3))
+
+
+def test_without_the_vehicles_state_there_is_no_gate():
+    world, rng = a_hover(), np.random.default_rng(0)
+    gate = GroundGate(joint_with(rng.normal(size=(3, 2)), rng), some_fixes(world)[:1], lambda _: UNPAIRED)
+    assert gate.gate(0, 0) is None
 
 
 def test_a_prediction_depends_on_its_own_measurement_alone():
@@ -122,8 +173,8 @@ def test_a_prediction_depends_on_its_own_measurement_alone():
         part = predict(batch.take(index), targets[:, index], SHARED)
         assert np.array_equal(part.residual, whole.residual[:, index])
         assert np.array_equal(part.rows, whole.rows[:, index])
-        noise = pixel_noise(batch.take(index), part.rows, PRIORS)
-        assert np.array_equal(noise, pixel_noise(batch, whole.rows, PRIORS)[:, index])
+        noise = common_noise(batch.take(index), part.rows, PRIORS)
+        assert np.array_equal(noise, common_noise(batch, whole.rows, PRIORS)[:, index])
     many = predict(batch, np.tile(targets, (7, 1, 1)), np.tile(SHARED, (7, 1)))
     assert np.array_equal(many.rows, np.tile(whole.rows, (7, 1, 1, 1)))
 
@@ -132,11 +183,11 @@ def test_a_hypothesis_depends_on_no_other():
     batch, rng = a_frame(), np.random.default_rng(3)
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), rng, hypotheses=5)
     seen = joint.innovations(batch)
-    after, score = joint.update(seen, seen.valid)
+    after, score, _ = joint.update(seen, seen.valid)
     for k in range(5):
         alone = joint.take([k])
         innovations = alone.innovations(batch)
-        one, its_score = alone.update(innovations, innovations.valid)
+        one, its_score, _ = alone.update(innovations, innovations.valid)
         assert np.array_equal(one.mean[0], after.mean[k])
         assert np.array_equal(one.cov[0], after.cov[k])
         assert its_score[0] == score[k]
@@ -147,11 +198,11 @@ def test_one_batch_is_as_good_as_one_measurement_after_another():
     batches = [msgspec.structs.replace(each, tracks=(TRACKS[k % 3],)) for k, each in enumerate(some_batches()[:6])]
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.1], [3.9, 2.9]]), np.random.default_rng(2))
     seen = joint.innovations(joined(batches))
-    together, score = joint.update(seen, seen.valid)
+    together, score, _ = joint.update(seen, seen.valid)
     one_by_one, total = joint, 0.0
     for batch in batches:
         seen = one_by_one.innovations(batch)
-        one_by_one, each = one_by_one.update(seen, seen.valid)
+        one_by_one, each, _ = one_by_one.update(seen, seen.valid)
         total += each[0]
     assert one_by_one.mean == pytest.approx(together.mean, rel=1e-9, abs=1e-12)
     assert one_by_one.cov == pytest.approx(together.cov, rel=1e-7, abs=1e-13)
@@ -166,7 +217,7 @@ def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, monkeypatch):
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
     assert joint.considers_height is (enough == 4)
     seen = joint.innovations(batch)
-    after, _ = joint.update(seen, seen.valid)
+    after, *_ = joint.update(seen, seen.valid)
     rows, cov = seen.rows[0], joint.cov[0]
     noise = seen.cov[0] - rows @ cov @ rows.T
     gain = cov @ rows.T @ np.linalg.inv(seen.cov[0])
@@ -208,7 +259,7 @@ def test_the_linearization_point_moves_where_the_estimate_left_it_in_view():
     batch = a_frame()
     places = camera_pose(batch, SHARED).ground_points(batch.ray)[0][0] - POSITION[:2]
     joint = joint_with(places, np.random.default_rng(4))
-    moved = joint.relinearized()
+    moved = joint.relinearized(batch)
     point = moved.linearization_point.copy()
     point[:, SHARED_COUNT:] += 0.5
     far = msgspec.structs.replace(joint, linearization_point=point)
@@ -216,6 +267,35 @@ def test_the_linearization_point_moves_where_the_estimate_left_it_in_view():
     assert far.innovations(batch).displaced > 0.02
     exact = predict(batch, moved.apparent.reshape(1, 3, 2), moved.mean[:, :SHARED_COUNT]).residual
     assert moved.innovations(batch).difference == pytest.approx(exact.reshape(1, -1), abs=1e-9)
+
+
+@pytest.mark.parametrize(("delay_s", "stays"), [(0.02, True), (0.002, False)])
+def test_the_linearization_point_of_the_delay_stays_where_the_vehicle_turns_far_within_its_change(delay_s, stays):
+    """At 2 rad/s by 2.3 degrees in 20 ms, and by a tenth of it in 2 ms."""
+    batch = a_frame()
+    rates = np.broadcast_to([0.0, 2.0, 0.0], batch.poses.rates.shape)
+    batch = msgspec.structs.replace(batch, poses=msgspec.structs.replace(batch.poses, rates=rates))
+    joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
+    before, mean = joint.linearization_point[:, DELAY], joint.mean.copy()
+    mean[:, DELAY] = before + delay_s
+    after = msgspec.structs.replace(joint, mean=mean).relinearized(batch).linearization_point
+    assert after[:, DELAY] == pytest.approx(before if stays else before + delay_s, abs=1e-15)
+    assert (after[:, DELAY + 1 : SHARED_COUNT] == mean[:, DELAY + 1 : SHARED_COUNT]).all()
+
+
+def test_places_are_displaced_alike_by_a_position_error_alone():
+    places = np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]])
+    joint = joint_with(places, np.random.default_rng(4), 2)
+    noise = 0.1 * np.random.default_rng(5).normal(size=joint.mean.shape)
+    joint = msgspec.structs.replace(joint, mean=joint.mean + noise)
+    before, after = joint.linearization_point, joint.displaced().linearization_point
+    moved = (after - before)[:, SHARED_COUNT:].reshape(2, 3, 2)
+    assert (after == before)[:, :SHARED_COUNT].all()
+    assert moved == pytest.approx(np.tile(moved[:, :1], (1, 3, 1)), abs=1e-12)
+    left = (joint.apparent - after[:, SHARED_COUNT:]).reshape(2, 3, 2).mean(1)
+    assert left == pytest.approx(np.zeros((2, 2)), abs=1e-12)
+    for alone in (joint.without(TRACKS[0]).without(TRACKS[1]), joint_filter(priors(), SIGMAS, SHARED, SHARED)):
+        assert alone.displaced() is alone
 
 
 def test_the_separation_of_two_targets_is_that_of_their_difference():
@@ -229,3 +309,13 @@ def test_the_separation_of_two_targets_is_that_of_their_difference():
     mean, cov = joint.mean[0, a : a + 2] - joint.mean[0, b : b + 2], np.cov(apart.T)
     assert joint.separation2(TRACKS[0], TRACKS[1]) == pytest.approx(mean @ np.linalg.solve(cov, mean), rel=0.05)
     assert joint.separation2(TRACKS[0], 99) == np.inf
+
+
+OPENBLAS_SERIAL = 65536 * 4
+"""Products of matrices of up to as many multiplications are by one thread (OpenBLAS, interface/gemm.c)."""
+
+
+def test_no_matrix_of_a_batch_of_ten_targets_is_divided_among_threads():
+    """Users' own programs do not set BLAS to one thread, as the commands do."""
+    rows, states = 2 * MOST_SIGHTS, FIRST + 2 * 10
+    assert rows * states * max(rows, states) <= OPENBLAS_SERIAL

@@ -29,7 +29,7 @@ def hovering(**options):
 
 def test_a_hover_counts_its_sights_and_then_advises_other_views():
     seen = list(reasons(hovering()))
-    assert seen[0] == (CalibrationStatus.WAITING, "no target was seen long enough")
+    assert seen[0] == (CalibrationStatus.WAITING, "no target was seen long enough with a global position")
     counted = [reason for _, reason in seen if reason.endswith(" of 40 sights")]
     assert counted[0].startswith("3 ")
     status, reason = seen[-1]

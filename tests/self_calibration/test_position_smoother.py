@@ -5,13 +5,15 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
+from path_batches import along
 from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.pixel_measurement import measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import joined, measurement_batch
 from fwav_companion.self_calibration.position_path import VELOCITY_DENSITY, PositionPath, chord_error_m
-from fwav_companion.self_calibration.position_smoother import along_path, smoothed_back
+from fwav_companion.self_calibration.position_smoother import in_motion, moved, smoothed_back
+from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
 
 PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
 TURN = 0.7
@@ -58,7 +60,7 @@ def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,),
             position_ned=reported[None],
             velocity_ned=np.array([[true_path(t, turn)[1] for t in at]]),
         )
-        state, after = along_path(state, msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
+        state, after = along(state, msgspec.structs.replace(batch, poses=poses), 0.1 * k, PRIORS)
         found.append((path, after.poses.position_ned[0]))
     true, path = map(np.array, zip(*found, strict=True))
     return true, path
@@ -102,13 +104,15 @@ def test_a_path_smoothed_by_later_positions_is_the_least_squares_path(batch):
     reported = [position + noise * rng.standard_normal(3) for position, _ in true]
     kept = []
     for t, position, (_, velocity) in zip(times, reported, true, strict=True):
-        state, after = along_path(state, batch_at(batch, t, position, velocity), np.array([t]), PRIORS)
+        state, after = along(state, batch_at(batch, t, position, velocity), t, PRIORS)
         kept.append(after)
-    found = np.array([b.poses.position_ned[0, 0] for b in kept]) + smoothed_back(kept)
+    found = np.array([b.poses.position_ned[0, 0] for b in kept]) + np.concatenate(smoothed_back(kept))
 
     velocities = np.array([velocity for _, velocity in true])
     steps = 0.05 * (velocities[1:] + velocities[:-1])
-    sigma = np.sqrt([VELOCITY_DENSITY * 0.1 + chord_error_m(a, b, 0.1) ** 2 for a, b in pairwise(velocities)])
+    sigma = np.sqrt(
+        [VELOCITY_DENSITY * 0.1 + chord_error_m(tuple(a), tuple(b), 0.1) ** 2 for a, b in pairwise(velocities)]
+    )
     for axis in range(3):
         rows = np.vstack((np.eye(12) / noise[axis], np.diff(np.eye(12), axis=0) / sigma[:, None]))
         right = np.concatenate((np.array(reported)[:, axis] / noise[axis], steps[:, axis] / sigma))
@@ -120,6 +124,23 @@ def test_positions_before_a_step_are_not_smoothed_by_those_after_it(batch):
     state, kept = PositionPath(), []
     for k in range(10):
         position = np.array((0.0 if k < 5 else 5.0, 0.0, -10.0))
-        state, after = along_path(state, batch_at(batch, 0.1 * k, position, np.zeros(3)), np.array([0.1 * k]), PRIORS)
+        state, after = along(state, batch_at(batch, 0.1 * k, position, np.zeros(3)), 0.1 * k, PRIORS)
         kept.append(after)
-    assert smoothed_back(kept) == pytest.approx(np.zeros((10, 3)), abs=1e-12)
+    assert np.concatenate(smoothed_back(kept)) == pytest.approx(np.zeros((10, 3)), abs=1e-12)
+
+
+def test_a_batch_of_several_points_of_the_path_is_as_its_parts(batch):
+    """Each measurement lies on the point of its own, and moves with that."""
+    state, parts, motions = PositionPath(), [], []
+    for k in range(6):
+        state, part = along(state, batch_at(batch, 0.1 * k, *true_path(0.1 * k)), 0.1 * k, PRIORS)
+        parts.append(part)
+        motions.append(VehicleMotion(path=state))
+    unsmoothed = joined([batch_at(batch, 0.1 * k, *true_path(0.1 * k)) for k in range(6)])
+    whole = in_motion(unsmoothed, 0.1 * np.arange(6), motions, range(6))
+    assert np.array_equal(whole.poses.position_ned, joined(parts).poses.position_ned)
+    (shifts,) = smoothed_back([whole])
+    assert np.array_equal(shifts, np.concatenate(smoothed_back(parts)))
+    assert np.abs(shifts[0]).max() > 0.0
+    apart = [moved(part, shift[None]) for part, shift in zip(parts, shifts, strict=True)]
+    assert np.array_equal(moved(whole, shifts).poses.position_ned, joined(apart).poses.position_ned)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, slow_rates
+from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, denoised, slow_rates
 from fwav_companion.telemetry.attitude.history import AttitudeHistory
 from fwav_companion.types import AttitudeSample, GimbalAt, VehicleState
 
@@ -46,7 +46,7 @@ def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
             slow = slow_rates(state_at(t - 0.15), state_at(t + 0.15))
             found = found.with_state(state, slow, NOISE)
             reported.append(state.rates[0])
-            freed.append(found.denoised(poses_of(state), slow).rates[0, 0, 0])
+            freed.append(denoised(poses_of(state), np.array([(slow, found.shares)])).rates[0, 0, 0])
     return found, np.array(reported), np.array(freed)
 
 
@@ -106,8 +106,8 @@ def test_a_slope_that_is_noise_has_no_slope_of_its_own():
     poses = msgspec.structs.replace(
         poses_of(STILL), rates=np.array([[[0.1, 0.0, 0.0]]]), acceleration=np.array([[[10.0, 0.0, 0.0]]])
     )
-    denoised = still.denoised(poses, ZERO3)
-    assert denoised.acceleration[0, 0, 0] == pytest.approx(10.0 * still.shares[0])
+    found = denoised(poses, np.array([(ZERO3, still.shares)]))
+    assert found.acceleration[0, 0, 0] == pytest.approx(10.0 * still.shares[0])
 
 
 def test_attitudes_of_unknown_spacing_say_nothing_of_noise():

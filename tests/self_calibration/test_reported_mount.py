@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 from handmade import BOOT_NS
+from pixel_covariances import pixel_noise
 from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, path, priors
 from simulated_world import World
@@ -16,7 +17,6 @@ from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     SharedParameter,
     measurement_batch,
-    pixel_noise,
     predict,
 )
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, with_drift

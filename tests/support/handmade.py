@@ -53,14 +53,26 @@ def matrix(a):
     return tuple(vector(row) for row in a)
 
 
-def a_state(stamp_ns, xyzw, rates, position, velocity, spacing_s=0.0, stamp_sigma_s=0.0):
+def a_state(
+    stamp_ns,
+    xyzw,
+    rates,
+    position,
+    velocity,
+    spacing_s=0.0,
+    stamp_sigma_s=0.0,
+    *,
+    acceleration=(0.0, 0.0, 0.0),
+    frequency=0.0,
+):
     """The vehicle's state; the quaternion in scipy's order."""
     x, y, z, w = map(float, xyzw)
     return VehicleState(
         boot_ns=int(stamp_ns), ned_from_body=(w, x, y, z), rates=vector(rates), attitude_sigma=0.0, gap_s=0.0,
         position_ned=vector(position), velocity_ned=vector(velocity), position_sigma_m=0.0,
         height_above_home_m=float(-position[2]), spacing_s=spacing_s,
-        stamp_sigma_s=stamp_sigma_s,
+        stamp_sigma_s=stamp_sigma_s, angular_acceleration=vector(acceleration),
+        turning_frequency=frequency,
     )  # fmt: skip
 
 

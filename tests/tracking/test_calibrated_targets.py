@@ -4,17 +4,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from handmade import a_fix
+from handmade import a_fix, a_view, host_ns
 from simulated_flight import priors
 
 from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.filters.moving import MovingKalman
 from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate, PointEstimate
 from fwav_companion.tracking.filters.standing import with_down
-from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState, misplaced
+from fwav_companion.tracking.track_state import initiate
 from fwav_companion.types.tracks import GateResult
 
 PRIORS = priors(position_north=0.3, position_east=0.5, position_noise_m=0.2)
 RELATIVE = np.diag([0.09, 0.16, 0.01])
+PLACE = (4.0, 3.0, 0.0)
 
 
 class Own:
@@ -29,12 +32,6 @@ class Own:
 
     def gate(self, _fix):
         return GateResult(7.0, 0.0)
-
-    def predict(self, host_ns):
-        return ("predicted", host_ns)
-
-    def update(self, fix):
-        return ("updated", fix)
 
 
 def calibrated(relative=RELATIVE, gate=None):
@@ -72,19 +69,18 @@ def test_relative_to_the_vehicle_the_smaller_claim_is_the_answer():
 def test_its_gate_is_the_joint_estimates_where_that_has_one():
     assert calibrated(gate=GateResult(2.0, 1.0)).gate("fix") == GateResult(2.0, 1.0)
     assert calibrated().gate("fix") == GateResult(7.0, 0.0)
-    assert calibrated().predict(9) == ("predicted", 9)
-    assert calibrated().update("fix") == ("updated", "fix")
 
 
 def test_while_the_mount_is_wrong_both_claims_are_wider_by_its_effect_and_nothing_is_known_of_the_motion():
-    own = Own(RELATIVE)
-    state = MisplacedTargetState(own, 1.5)
-    assert (state.position_ned, state.apparent_ned) == (own.position_ned, own.apparent_ned)
-    assert np.subtract(state.cov, own.cov) == pytest.approx(np.diag([2.25, 2.25, 0.0]))
-    assert np.subtract(state.relative_cov, own.relative_cov) == pytest.approx(np.diag([2.25, 2.25, 0.0]))
-    assert (state.velocity_ned, state.velocity_cov) == (None, None)
-    assert state.gate("fix") == GateResult(7.0, 0.0)
-    assert (state.predict(9), state.update("fix")) == (("predicted", 9), ("updated", "fix"))
+    fix = a_fix(2.0, PLACE)
+    track = initiate(7, fix, MovingKalman(PRIORS).initiate(fix), host_ns(2.0))
+    plain = track.report(track.target, a_view(2.0))
+    found = misplaced(plain, 1.5)
+    assert (found.position_ned, found.apparent_ned) == (plain.position_ned, plain.apparent_ned)
+    assert np.subtract(found.cov, plain.cov) == pytest.approx(np.diag([2.25, 2.25, 0.0]))
+    assert np.subtract(found.relative_cov, plain.relative_cov) == pytest.approx(np.diag([2.25, 2.25, 0.0]))
+    assert (plain.fix, plain.velocity_cov is None) == (fix, False)
+    assert (found.fix, found.innovation, found.velocity_ned, found.velocity_cov) == (None, None, None, None)
 
 
 @pytest.mark.parametrize("down_shared", [(0.3, -0.1, 0.2), (0.0, 0.0, 0.0)])
@@ -92,7 +88,8 @@ def test_the_covariance_of_a_place_has_what_its_height_shares(down_shared):
     rows = np.array([[0.5, -0.2, 0.1], [0.3, 0.4, -0.6], down_shared])
     noise = np.array([[0.2, 0.05, 0.0], [0.05, 0.3, 0.0], [0.0, 0.0, 0.04]])
     place = PointEstimate(1.0, 2.0, (0.2, 0.05, 0.3), (tuple(rows[0].tolist()), tuple(rows[1].tolist())))
-    found = with_down(place, DownEstimate(0.0, 0.04, tuple(rows[2].tolist())))
+    down = DownEstimate(0.0, 0.04, tuple(rows[2].tolist()))
+    found = with_down(place.cov, place.along(down.shared), down)
     assert np.array(found) == pytest.approx(noise + rows @ rows.T)
 
 

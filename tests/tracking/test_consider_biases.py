@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from handmade import a_fix, host_ns, matrix, vector
+from handmade import a_fix, vector
 from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 from simulated_flight import priors
@@ -12,7 +12,6 @@ from fwav_companion.tracking.filters.consider_biases import (
     SENSITIVITY_SHARE,
     SENSITIVITY_STEP_S,
     ConsiderBiases,
-    decayed,
     turned_toward,
 )
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
@@ -25,7 +24,7 @@ ALL = priors(
 )  # fmt: skip
 SIGMAS = np.array(ALL.bias_sigmas)
 IN_ORDER = [bias for bias in Bias if SIGMAS[bias] > 0 and bias not in (Bias.POSITION_NORTH, Bias.POSITION_EAST)]
-"""The biases with a prior; the wandering ones follow."""
+"""The biases with a prior; the square of the time offset and the wandering ones follow."""
 
 
 def drawn(seed, t=1.0, **detection):
@@ -39,17 +38,22 @@ def jacobian_of(fix):
     return np.array(fix.bias_jacobian).T
 
 
+def scaled(fix, *wandering):
+    """(3, count) sensitivities in sigmas; zero for the time offset's square: no turning."""
+    standing = jacobian_of(fix)[:, IN_ORDER] * SIGMAS[IN_ORDER]
+    return np.hstack((standing, np.zeros((3, 1)), jacobian_of(fix)[:, wandering] * SIGMAS[list(wandering)]))
+
+
 def test_a_fix_has_a_column_for_each_bias_with_a_prior_and_the_wandering_ones_come_last():
     fix, errors = drawn(1), ConsiderBiases(ALL)
     prepared = errors.prepared(fix)
-    columns = [*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]
-    assert np.array(prepared.shared) == pytest.approx(jacobian_of(fix)[:, columns] * SIGMAS[columns])
+    assert np.array(prepared.shared) == pytest.approx(scaled(fix, Bias.POSITION_NORTH, Bias.POSITION_EAST))
     assert np.array(prepared.noise) == pytest.approx(np.array(fix.noise_cov) + np.diag([0.0, 0.0, DOWN_FLOOR_M2]))
-    assert (errors.wandering, errors.count) == (len(IN_ORDER), len(IN_ORDER) + 2)
+    assert (errors.curved, errors.wandering, errors.count) == (len(IN_ORDER), len(IN_ORDER) + 1, len(IN_ORDER) + 3)
     assert errors.timed == IN_ORDER.index(Bias.TIME_OFFSET)
     standing = ConsiderBiases(ALL, wandering=False)
-    assert np.array(standing.prepared(fix).shared) == pytest.approx(jacobian_of(fix)[:, IN_ORDER] * SIGMAS[IN_ORDER])
-    assert (standing.wandering, standing.count) == (len(IN_ORDER), len(IN_ORDER))
+    assert np.array(standing.prepared(fix).shared) == pytest.approx(scaled(fix))
+    assert (standing.wandering, standing.count) == (len(IN_ORDER) + 1, len(IN_ORDER) + 1)
 
 
 def test_by_delay_are_the_two_sensitivities_of_the_position_delay():
@@ -60,7 +64,23 @@ def test_by_delay_are_the_two_sensitivities_of_the_position_delay():
     assert (north, east) == pytest.approx(tuple(expected))
     none = ConsiderBiases(priors())
     assert none.by_delay(none.prepared(fix)) is None
-    assert ConsiderBiases(priors(time_offset=0)).timed is None
+    exact = ConsiderBiases(priors(time_offset=0))
+    assert (exact.timed, exact.curved) == (None, None)
+
+
+def test_a_turning_vehicle_is_displaced_by_the_time_offset_to_second_order_too():
+    fix, errors = drawn(11), ConsiderBiases(ALL)
+    state = replace(fix.sighting.state, angular_acceleration=(0.0, -30.0, 0.0))
+    fix = replace(fix, position_ned=(0.0, 0.0, 0.0), sighting=replace(fix.sighting, state=state))
+    plain, found = errors.prepared(fix), errors.curved_by_delay(errors.prepared(fix), fix)
+    more = np.subtract(found.shared, plain.shared)
+    expected = np.zeros_like(more)
+    expected[0, errors.curved] = -30.0 * 10.0 * SIGMAS[Bias.TIME_OFFSET] ** 2 / np.sqrt(2.0)
+    assert more == pytest.approx(expected, rel=1e-4)
+    shares = errors.shares(found.shared[:2])
+    both = [IN_ORDER.index(Bias.TIME_OFFSET), errors.curved]
+    assert shares[Bias.TIME_OFFSET] == pytest.approx(np.square(np.array(found.shared)[:2, both]).sum())
+    assert len(shares) == errors.count - 1
 
 
 def test_a_detectors_id_widens_the_gate():
@@ -128,15 +148,14 @@ def test_other_sensitivities_replace_those_to_attitude_mount_and_height_and_add_
     columns = level_columns(fix, 3.0, 2.0, 8.0)
     measurement = errors.prepared(fix)
     found = errors.relinearized(measurement, columns, since_s)
-    expected = jacobian_of(fix)[:, [*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
-    expected = expected * SIGMAS[[*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
+    expected = scaled(fix, Bias.POSITION_NORTH, Bias.POSITION_EAST)
     own = np.zeros((2, 2))
     for bias, column in zip(SENSITIVE, columns, strict=True):
         if bias not in IN_ORDER:
             continue
-        scaled = np.array(column) * SIGMAS[bias]
-        expected[:2, IN_ORDER.index(bias)] = scaled
-        own += SENSITIVITY_SHARE**2 * np.outer(scaled, scaled)
+        by_bias = np.array(column) * SIGMAS[bias]
+        expected[:2, IN_ORDER.index(bias)] = by_bias
+        own += SENSITIVITY_SHARE**2 * np.outer(by_bias, by_bias)
     assert np.array(found.shared) == pytest.approx(expected)
     repeats = max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
     more = np.subtract(found.noise, measurement.noise)
@@ -144,14 +163,3 @@ def test_other_sensitivities_replace_those_to_attitude_mount_and_height_and_add_
     assert not more[2].any()
     again = errors.with_sensitivity_noise(replace(measurement, shared=found.shared), since_s)
     assert np.array(again.noise) == pytest.approx(np.array(found.noise))
-
-
-def test_a_wandering_error_is_forgotten_as_a_first_order_process():
-    errors = ConsiderBiases(ALL)  # 60 s
-    assert errors.decay(host_ns(0.0), host_ns(30.0)) == pytest.approx(np.exp(-0.5))
-    assert errors.decay(host_ns(7.0), host_ns(7.0)) == 1.0
-    assert ConsiderBiases(priors()).decay(host_ns(0.0), host_ns(30.0)) == 1.0, "exact positions have nothing to forget"
-    rows = matrix(np.arange(9.0).reshape(3, 3) + 1.0)
-    assert decayed(rows, 1, 0.5) == ((1.0, 1.0, 1.5), (4.0, 2.5, 3.0), (7.0, 4.0, 4.5))
-    level = ((1.0, 2.0), (3.0, 4.0), (0.0, 0.0))
-    assert decayed(level, 2, 0.5) == level

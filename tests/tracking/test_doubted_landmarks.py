@@ -7,10 +7,8 @@ from msgspec.structs import replace
 from simulated_flight import priors
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.landmarks.joint_place import Correction
 from fwav_companion.tracking.landmarks.landmark_examination import DOUBTED_TIMES, examined
-from fwav_companion.tracking.landmarks.landmark_filter import landmark_filter
 from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import BIAS_COUNT, Bias, Landmark, LandmarkState
@@ -23,7 +21,7 @@ def unseen(errors, count):
     """The model and the filter of so many landmarks in use, before any sight."""
     place = Geodetic(0.0, 0.0, 0.0)
     model = SharedErrors(errors, [Landmark(f"mark {i}", place, SURVEY_M) for i in range(count)])
-    state = landmark_filter(model)
+    state = LandmarkTracking.start(model)
     return model, replace(state, records=tuple(replace(record, state=USED) for record in state.records))
 
 
@@ -33,7 +31,7 @@ def shown(*off_m):
     for i, off in enumerate(off_m):
         rows = np.zeros((3, model.size))
         rows[:, model.survey(i)] = np.eye(3)
-        state = state.corrected(Correction(np.array((-off, 0.0, 0.0)), rows, SEEN_M**2 * np.eye(3)))
+        state = state.after(Correction(np.array((-off, 0.0, 0.0)), rows, SEEN_M**2 * np.eye(3)))
     return state
 
 
@@ -46,7 +44,7 @@ def seen_through_the_position(*off_m):
         first, processes = model.wander.start, (model.wander.stop - model.wander.start) // 4
         for axis in (0, 1):
             rows[axis, first + 2 * axis * processes : first + 2 * (axis + 1) * processes : 2] = 1.0
-        state = state.corrected(Correction(np.array((off, 0.0, 0.0)), rows, 0.02**2 * np.eye(3)))
+        state = state.after(Correction(np.array((off, 0.0, 0.0)), rows, 0.02**2 * np.eye(3)))
     return state
 
 
@@ -57,7 +55,7 @@ def by_receiver():
 def a_target(state):
     jacobian = np.zeros((3, BIAS_COUNT))
     jacobian[0, Bias.POSITION_NORTH] = jacobian[1, Bias.POSITION_EAST] = 1.0
-    return LandmarkTracking(StaticKalman(by_receiver()), state).initiate(a_fix(0.0, (3.0, 4.0, 0.0), jacobian=jacobian))
+    return state.initiate(a_fix(0.0, (3.0, 4.0, 0.0), jacobian=jacobian))
 
 
 def test_a_landmark_that_is_left_out_takes_back_what_it_moved():

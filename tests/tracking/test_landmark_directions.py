@@ -11,7 +11,7 @@ from simulated_flight import priors
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.tracking.landmarks.delayed_sighting import PoseHistory
-from fwav_companion.tracking.landmarks.landmark_filter import landmark_filter
+from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import Bias, Landmark, LandmarkSight, Reason, Unpaired
 
@@ -77,7 +77,7 @@ def test_without_a_pose_there_a_sighting_keeps_its_own(history):
 def after_sights(times, errors, late_s, offset):
     """The filter after sights of the landmark at these instants."""
     model = SharedErrors(errors, [Landmark("mark", Geodetic(0.0, 0.0, 0.0), SURVEY_M)])
-    state = landmark_filter(model, state_at)
+    state = LandmarkFilter.start(model, state_at)
     for t in times:
         fix = replace(a_fix(t, PLACE, noise=NOISE), sighting=sighting_at(t, late_s, offset))
         sight = LandmarkSight(0, fix, PLACE[0], PLACE[1])

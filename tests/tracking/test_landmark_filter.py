@@ -6,8 +6,8 @@ import pytest
 
 from fwav_companion.config.estimation import UncertaintyConfig
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.tracking.landmarks.joint_place import Correction, Transition, first_joint_place
-from fwav_companion.tracking.landmarks.landmark_filter import landmark_filter
+from fwav_companion.tracking.landmarks.joint_place import UNKNOWN_M, Correction, Transition, unknown_place
+from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import Landmark, LandmarkRecord, LandmarkState
 
@@ -32,6 +32,7 @@ def by_least_squares(prior, events) -> tuple[np.ndarray, np.ndarray]:
         rows.append(root @ row)
         values.append(root @ value)
 
+    whitened([(slice(0, 2), np.eye(2))], np.zeros(2), UNKNOWN_M**2 * np.eye(2))
     whitened([(now, np.eye(SHARED))], mean, cov)
     for event in events:
         if isinstance(event, Transition):
@@ -63,7 +64,7 @@ def drawn_sight() -> Correction:
 
 def test_a_place_and_its_claim_are_those_of_all_fixes_and_sights_together():
     prior, first = drawn_prior(), drawn_fix()
-    place, events = first_joint_place(first, prior, np.ones(SHARED)), [first]
+    place, events = unknown_place((0.0, 0.0, 0.0), prior, np.ones(SHARED)).update(first), [first]
     for turn in range(12):
         if turn % 3 == 0:
             sight = drawn_sight()
@@ -84,7 +85,7 @@ def test_a_place_and_its_claim_are_those_of_all_fixes_and_sights_together():
 def test_what_is_considered_stays_and_its_share_stays_in_the_claim():
     """The third error is considered: neither its mean nor its variance moves, and no claim is less than the best."""
     prior, first, estimated = drawn_prior(), drawn_fix(), np.array((1.0, 1.0, 0.0, 1.0))
-    place, events = first_joint_place(first, prior, estimated), [first]
+    place, events = unknown_place((0.0, 0.0, 0.0), prior, estimated).update(first), [first]
     for _ in range(20):
         events.append(drawn_fix())
         place = place.update(events[-1])
@@ -98,7 +99,9 @@ def test_what_is_considered_stays_and_its_share_stays_in_the_claim():
 def test_the_altitude_is_what_sights_show_without_its_prior(used, known):
     """Sights that show 4 m with 3 m of sigma, on a receiver of 1 m, whose altitude has a prior of 2 m."""
     landmark = Landmark("mark", Geodetic.from_degrees(48.0, 11.0, 500.0), 0.4)
-    state = landmark_filter(SharedErrors(UncertaintyConfig().priors(readout_known=True, surveyed=False), [landmark]))
+    state = LandmarkFilter.start(
+        SharedErrors(UncertaintyConfig().priors(readout_known=True, surveyed=False), [landmark])
+    )
     index, prior = state.model.altitude, (2.0 * state.sigma_m) ** 2
     cov, mean = state.cov.copy(), state.mean.copy()
     cov[index, index] = 1.0 / (1.0 / prior + 1.0 / 9.0)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from handmade import a_fix
+from handmade import a_fix, vector
 from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.tracking.filters.linearization import (
     CLIMB_DENSITY,
     SENSITIVE,
+    delay_curvature,
     first_point,
     is_level,
     level_columns,
@@ -82,3 +83,62 @@ def test_only_the_home_surface_with_a_height_above_it_is_known_to_be_level(groun
     fix = a_fix(0.0, PLACE)
     fix = replace(fix, ground=ground, sighting=replace(fix.sighting, relative=relative))
     assert is_level(fix) is level
+
+
+def swinging(t, frequency=2.0 * np.pi * 14.0, heading=0.6):
+    """Attitude of a wing that pitches by 17 and rolls by 3 degrees, and the ground 4 m north and 3 m east at t = 0."""
+    angles = np.radians([3.0, 17.0]) * np.sin(frequency * t + np.array([1.0, 1.3]))
+    return Rotation.from_euler("ZYX", [heading, angles[1], angles[0]])
+
+
+def ground_at(t, **swing):
+    ray = (swinging(t, **swing) * swinging(0.0, **swing).inv()).apply([4.0, 3.0, 10.0])
+    return ray[:2] * 10.0 / ray[2]
+
+
+def swung(**swing):
+    """The fix at t = 0 with the rates and accelerations of the swing, by differences."""
+    fix, step = seen_from(10.0), 1e-4
+
+    def rates(t):
+        return (swinging(t - step, **swing).inv() * swinging(t + step, **swing)).as_rotvec() / (2.0 * step)
+
+    return turned(
+        fix, swinging(0.0, **swing), rates(0.0), (rates(step) - rates(-step)) / (2.0 * step),
+        swing.get("frequency", 2.0 * np.pi * 14.0),
+    )  # fmt: skip
+
+
+def turned(fix, attitude, rates, acceleration, frequency):
+    x, y, z, w = map(float, attitude.as_quat())
+    state = replace(
+        fix.sighting.state, ned_from_body=(w, x, y, z), rates=vector(rates), angular_acceleration=vector(acceleration),
+        turning_frequency=frequency,
+    )  # fmt: skip
+    return replace(fix, sighting=replace(fix.sighting, state=state))
+
+
+def test_the_curvature_of_a_short_delay_is_the_second_derivative_of_the_ground_point():
+    step, sigma = 1e-4, 1e-5
+    second = (ground_at(step) - 2.0 * ground_at(0.0) + ground_at(-step)) / step**2
+    assert np.linalg.norm(second) > 1000.0
+    assert delay_curvature(swung(), sigma) == pytest.approx(tuple(second * sigma**2 / np.sqrt(2.0)), rel=1e-3)
+
+
+@pytest.mark.parametrize("sigma", [0.003, 0.01, 0.03])
+def test_at_the_end_of_a_swing_it_is_the_scatter_over_the_delays_of_the_prior(sigma):
+    """A small pitch straight above the target, by quadrature over the delays; a parabola would be 5 times too wide."""
+    frequency, amplitude = 2.0 * np.pi * 14.0, 0.02
+    acceleration = (0.0, -amplitude * frequency**2, 0.0)
+    attitude = Rotation.from_euler("y", amplitude)
+    above = replace(seen_from(10.0), position_ned=(0.0, 0.0, 0.0))
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    moved = 10.0 * amplitude * np.cos(frequency * sigma * nodes)
+    weights /= weights.sum()
+    expected = np.sqrt(weights @ (moved - weights @ moved) ** 2)
+    north, east = delay_curvature(turned(above, attitude, (0, 0, 0), acceleration, frequency), sigma)
+    assert (abs(north), east) == pytest.approx((expected, 0.0), rel=1e-6, abs=1e-9)
+
+
+def test_a_vehicle_that_does_not_turn_has_no_curvature():
+    assert delay_curvature(seen_from(10.0), 0.05) == (0.0, 0.0)

@@ -112,12 +112,11 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
     rng, report = np.random.default_rng(6), 0.05
     for _ in range(20):
         own, fix = some(rng)
-        innovation = own.innovation(fix)
         by_delay = (DELAYED, fix.shared[0][DELAYED], fix.shared[1][DELAYED])
         row = rng.normal(0.0, 1.0, COUNT)
         found = relative_estimate(
             own,
-            innovation,
+            own.innovation(fix),
             fix.noise,
             position_noise_m2=report,
             by_delay=by_delay,

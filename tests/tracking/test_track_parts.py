@@ -14,7 +14,7 @@ from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, height_variance
 from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate
 from fwav_companion.tracking.track_merging import ALTERNATING_NS, TURNS, AlternatingFixes
-from fwav_companion.tracking.track_state import MOST_REPLACED, initiate
+from fwav_companion.tracking.track_state import MOST_REPLACED, initiate, teaches
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import Reason, TrackState
 
@@ -129,7 +129,7 @@ def test_what_no_frame_could_see_is_not_missed():
 def test_a_report_has_the_targets_place_and_the_level_of_its_newest_fix():
     fix = a_fix(2.0, PLACE, detector_id=5)
     track = initiate(7, fix, StaticKalman(NO_BIAS).initiate(fix), host_ns(2.0))
-    uneven = replace(track, level_sigma_m=0.5)
+    uneven = replace(track, last_fix=replace(fix, level_sigma_m=0.5))
     plain, level = track.report(track.target, a_view(2.0)), uneven.report(track.target, a_view(2.0))
     assert np.subtract(level.cov, plain.cov) == pytest.approx(np.diag([0.0, 0.0, 0.25]))
     assert np.subtract(level.relative_cov, plain.relative_cov) == pytest.approx(np.diag([0.0, 0.0, 0.25]))
@@ -154,3 +154,10 @@ def test_a_merged_track_keeps_the_latest_numbers_that_it_replaces():
     both, _ = senior.merged(replace(junior, replaces=(77, 78)))
     assert both.replaces[-3:] == (77, 78, 900)
     assert len(both.replaces) == MOST_REPLACED
+
+
+def test_only_fixes_of_a_known_height_in_a_world_with_a_position_teach_self_calibration():
+    fix = a_fix(0.0, (1.0, 2.0, 0.0))
+    assert teaches(fix)
+    assert not teaches(replace(fix, sighting=replace(fix.sighting, relative=True)))
+    assert not teaches(replace(fix, sighting=replace(fix.sighting, anchor_sigma_m=0.1)))

@@ -10,7 +10,7 @@ from fwav_companion.tracking.filters import wander_evidence
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.position_wander import position_wander
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
-from fwav_companion.tracking.filters.wander_evidence import BIAS_TIME_S, WanderEvidence, with_mean
+from fwav_companion.tracking.filters.wander_evidence import WanderEvidence, with_mean
 from fwav_companion.types import BIAS_COUNT, Bias
 
 WANDER = position_wander(1.0, (60.0,))
@@ -66,7 +66,7 @@ def test_a_constant_bias_is_estimated_and_makes_no_wander():
 
 def test_an_estimated_bias_returns_to_its_prior():
     known = shown(np.zeros((300, 2)), 2.0).evidence.smooth
-    later, _, _ = known.update((0.0, 0.0), ((0.0,), (0.0,)), (1.0, 0.0, 1.0), BIAS_TIME_S)
+    later = known.decayed((np.exp(-1.0),))
     assert later.mean[0] == pytest.approx(known.mean[0] / np.e)
     assert later.cov[0][0] == pytest.approx(1.0 - (1.0 - known.cov[0][0]) / np.e**2)
 

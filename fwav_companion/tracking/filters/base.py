@@ -7,7 +7,6 @@ A user's filter is a class in a module that Python finds (the current folder too
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -16,11 +15,11 @@ from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import GateResult, GateShare
+from fwav_companion.types.tracks import GateResult
 
 
-class TargetState(Protocol):
-    """One target. Immutable: a snapshot of the tracker is a copy of references."""
+class TargetEstimate(Protocol):
+    """One target at one instant."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -46,28 +45,18 @@ class TargetState(Protocol):
     def velocity_cov(self) -> Matrix3 | None:
         """Covariance of the velocity, NED, (m/s)^2."""
 
-    def predict(self, host_ns: HostNs) -> TargetState:
-        """The state at a later instant."""
-
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant. Errors that state and fix share cancel in the innovation."""
 
+
+class TargetState(TargetEstimate, Protocol):
+    """One target between frames. Immutable: a snapshot of the tracker is a copy of references."""
+
+    def predict(self, host_ns: HostNs) -> TargetState:
+        """The state at a later instant."""
+
     def update(self, fix: GroundFix) -> TargetState:
         """The state after a fix of this instant."""
-
-
-class CoarselyGated(TargetState, Protocol):
-    """A target state with which many targets are gated several times as fast. Optional for a filter."""
-
-    @property
-    def gate_share(self) -> GateShare:
-        """The share of this target in the variance of any innovation that :meth:`TargetState.gate` accepts."""
-
-    def gate_share_of(self, fix: GroundFix) -> GateShare:
-        """The share of a fix in it; the same for every target of the filter."""
-
-    def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
-        """:meth:`TargetState.gate` of several fixes."""
 
 
 class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
@@ -79,17 +68,6 @@ class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
     """Sensitivities to shared errors of unit variance, north and east, metres; the last two are the wander's."""
     noise: Symmetric2
     """Covariance by noise, m^2."""
-
-
-class JointlyGated(TargetState, Protocol):
-    """A target state whose fixes are gated given what those of other targets show. Optional for a filter."""
-
-    @property
-    def nonlinear(self) -> bool:
-        """Whether errors that targets share may displace fixes out of proportion to their sensitivities."""
-
-    def innovation(self, fix: GroundFix) -> SharedInnovation:
-        """The innovation of a fix at this instant."""
 
 
 class Filter(Protocol):

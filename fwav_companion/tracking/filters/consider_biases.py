@@ -9,17 +9,17 @@ may keep it as a state, or let its share decay.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, sqrt
+from math import sqrt
 from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Row, Symmetric2, gram
-from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.geometry.small_matrices import Row, Symmetric2, add_diagonal, add_outer, gram
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
 from fwav_companion.tracking.filters.gates import widest_gate
-from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S
-from fwav_companion.types import Bias, ErrorPriors, GroundFix
+from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S, delay_curvature
+from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix
 
 Rows: TypeAlias = tuple[Row, Row, Row]
 """North, east, down by the biases in use."""
@@ -69,46 +69,44 @@ class ConsiderBiases:
     """The biases with a prior, their scales, and the noise that fixes share for a while."""
 
     __slots__ = (
-        "_attitude_noise2",
         "_delayed",
         "_frame_ns",
-        "_height_noise2",
         "_remembered",
         "_sensitive",
         "_used",
-        "_wander_s",
         "count",
-        "height_noise_m",
+        "curved",
         "nonlinear",
-        "position_noise_m2",
+        "priors",
         "timed",
         "wandering",
     )
 
     def __init__(self, priors: ErrorPriors, *, wandering: bool = True) -> None:
         """``wandering``: whether the error of the vehicle's position is among the biases."""
+        self.priors = priors
         used = [bias for bias in Bias if priors.sigma(bias) > 0.0 and bias not in WANDERING]
-        self.wandering = len(used)
-        """Index of the first wandering bias."""
         self._sensitive = tuple(
             (used.index(bias), k, priors.sigma(bias)) for k, bias in enumerate(SENSITIVE) if bias in used
         )
         self.timed = used.index(Bias.TIME_OFFSET) if Bias.TIME_OFFSET in used else None
         """Index of the time offset."""
+        columns = [(int(bias), priors.sigma(bias)) for bias in used]
+        self.curved = None if self.timed is None else len(columns)
+        """Index of the time offset's square, by which a fix on a flapping wing is displaced to second order."""
+        if self.curved is not None:
+            columns.append((BIAS_COUNT, priors.sigma(Bias.TIME_OFFSET)))
+        self.wandering = len(columns)
+        """Index of the first wandering bias."""
         self.nonlinear = priors.sigma(Bias.TIME_OFFSET) > LINEAR_DELAY_S
         """Whether the time offset may displace fixes out of proportion to their sensitivities."""
         self._delayed = used.index(Bias.POSITION_DELAY) if Bias.POSITION_DELAY in used else None
-        used += [bias for bias in WANDERING if wandering and priors.sigma(bias) > 0.0]
-        self.count = len(used)
-        self._used = tuple((int(bias), priors.sigma(bias)) for bias in used)
-        self._wander_s = priors.position_bias_time_s
+        columns += [(int(bias), priors.sigma(bias)) for bias in WANDERING if wandering and priors.sigma(bias) > 0.0]
+        self.count = len(columns)
+        self._used = tuple(columns)
         # The measurements of one frame, by identity of their fixes.
         self._frame_ns = HostNs(0)
         self._remembered: dict[int, tuple[GroundFix, Measurement]] = {}
-        self._attitude_noise2 = priors.attitude_noise**2
-        self.height_noise_m = priors.height_noise_m
-        self._height_noise2 = priors.height_noise_m**2
-        self.position_noise_m2 = priors.position_noise_m**2
 
     def index_of(self, bias: Bias) -> int | None:
         """The index of a bias in every row; None where it has no prior."""
@@ -135,13 +133,16 @@ class ConsiderBiases:
         the attitudes one attitude (Bar-Shalom, Li & Kirubarajan 2001, ch. 8). ``toward_ned``: the estimated target; the
         noise is then that of a line of sight in its azimuth.
         """
-        prepared = self.prepared(fix)
+        prepared, priors = self.prepared(fix), self.priors
         noise = prepared.noise
         if since_s < TELEMETRY_STEP_S:
             repeated = TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
-            noise = self._with_repeats(noise, fix.bias_jacobian[Bias.HEIGHT], repeated)
+            noise = add_outer(noise, repeated * priors.height_noise_m**2, fix.bias_jacobian[Bias.HEIGHT])
+            noise = add_diagonal(noise, repeated * priors.position_noise_m**2, 0.0)
         if since_s < fix.sighting.state.spacing_s:
-            noise = self._with_attitudes(noise, fix, fix.sighting.state.spacing_s / max(since_s, 1e-3) - 1.0)
+            repeated = fix.sighting.state.spacing_s / max(since_s, 1e-3) - 1.0
+            for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
+                noise = add_outer(noise, repeated * priors.attitude_noise**2, fix.bias_jacobian[axis])
         if toward_ned is not None:
             noise = turned_toward(noise, fix, toward_ned)
         if noise is prepared.noise:
@@ -168,52 +169,36 @@ class ConsiderBiases:
         by_sensitivities = gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
         return _less_certain(measurement, measurement.shared, by_sensitivities, since_s)
 
+    def curved_by_delay(self, measurement: Measurement, fix: GroundFix) -> Measurement:
+        """The measurement of a fix with what its time offset does to second order."""
+        i = self.curved
+        if i is None:
+            return measurement
+        (north, east, down), (_, sigma_s) = measurement.shared, self._used[i]
+        n, e = delay_curvature(fix, sigma_s)
+        shared = ((*north[:i], n, *north[i + 1 :]), (*east[:i], e, *east[i + 1 :]), down)
+        return Measurement(measurement.position, measurement.noise, shared, measurement.gate)
+
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
         """What the position delay does to a measurement; None where it has no prior."""
         i = self._delayed
         return None if i is None else (i, measurement.shared[0][i], measurement.shared[1][i])
 
-    def late(self, measurement: Measurement) -> tuple[float, float]:
-        """The same displacement alone, north and east, metres; zero without a prior."""
-        i = self._delayed
-        return (0.0, 0.0) if i is None else (measurement.shared[0][i], measurement.shared[1][i])
-
     def shares(self, shared: tuple[Row, Row]) -> dict[Bias, float]:
         """Horizontal variance of an estimate by each bias in use, m^2. ``shared``: C, north and east."""
-        return {Bias(i): n * n + e * e for (i, _), n, e in zip(self._used, *shared, strict=True)}
-
-    def decay(self, from_ns: HostNs, to_ns: HostNs) -> float:
-        """The share of the wandering biases that is left after this time, as a first-order Gauss-Markov process."""
-        if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:
-            return 1.0
-        return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
+        shares = {i: n * n + e * e for (i, _), n, e in zip(self._used, *shared, strict=True)}
+        if self.curved is not None:
+            shares[Bias.TIME_OFFSET] += shares.pop(BIAS_COUNT)
+        return {Bias(i): share for i, share in shares.items()}
 
     def _scaled(self, fix: GroundFix) -> Rows:
-        jacobian, north, east, down = fix.bias_jacobian, [], [], []
+        jacobian, north, east, down = (*fix.bias_jacobian, ZERO3), [], [], []
         for bias, sigma in self._used:
             n, e, d = jacobian[bias]
             north.append(n * sigma)
             east.append(e * sigma)
             down.append(d * sigma)
         return (tuple(north), tuple(east), tuple(down))
-
-    def _with_repeats(self, noise: Matrix3, by_height: Vector3, repeated: float) -> Matrix3:
-        (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
-        n, e, d = by_height
-        height, position = repeated * self._height_noise2, repeated * self.position_noise_m2
-        nn, ne, ee = nn + height * n * n + position, ne + height * n * e, ee + height * e * e + position
-        nd, ed, dd = nd + height * n * d, ed + height * e * d, dd + height * d * d
-        return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
-
-    def _with_attitudes(self, noise: Matrix3, fix: GroundFix, repeated: float) -> Matrix3:
-        variance = repeated * self._attitude_noise2
-        (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
-        for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
-            n, e, d = fix.bias_jacobian[axis]
-            by_n, by_e = variance * n, variance * e
-            nn, ne, nd = nn + by_n * n, ne + by_n * e, nd + by_n * d
-            ee, ed, dd = ee + by_e * e, ed + by_e * d, dd + variance * d * d
-        return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
 def _less_certain(measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float) -> Measurement:
@@ -243,13 +228,3 @@ def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix
     turned_ee = s * s * nn + 2.0 * c * s * ne + c * c * ee
     turned_nd, turned_ed = c * nd - s * ed, s * nd + c * ed
     return ((turned_nn, turned_ne, turned_nd), (turned_ne, turned_ee, turned_ed), (turned_nd, turned_ed, dd))
-
-
-def decayed(rows: Rows, wandering: int, share: float) -> Rows:
-    """The rows after ``share`` of the wandering biases is left."""
-    n, e, d = rows
-    return (
-        n[:wandering] + tuple([c * share for c in n[wandering:]]),
-        e[:wandering] + tuple([c * share for c in e[wandering:]]),
-        d[:wandering] + tuple([c * share for c in d[wandering:]]) if any(d) else d,
-    )

@@ -6,14 +6,12 @@ from typing import Self
 
 from msgspec.structs import replace
 
-from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
 from fwav_companion.tracking.filters.maneuver import JUMPED, ManeuverLag
 from fwav_companion.tracking.filters.schmidt_kalman import (
-    PointEstimate,
-    RelativeEstimate,
     first_down,
     first_point_estimate,
     relative_estimate,
@@ -34,24 +32,8 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
 
     point: LinearizationPoint
     """Where sensitivities are taken."""
-    now: RelativeEstimate | None = None
-    """The place in the frame of the vehicle's report at this fix; None in a frame without one."""
     jump: ManeuverLag = ManeuverLag()
     """Running mean of the innovations, which shows a jump of the vehicle's position."""
-
-    @property
-    def relative(self) -> PointEstimate | RelativeEstimate:
-        """The place in the frame of the vehicle's report."""
-        return super().relative if self.now is None else self.now
-
-    @property
-    def reported(self) -> PointEstimate | RelativeEstimate:
-        """The same without the noise of the report."""
-        return self.now or self.predicted or self.apparent
-
-    def predict(self, host_ns: HostNs) -> Self:
-        """The state at a later instant."""
-        return replace(self, host_ns=host_ns, predicted=self.before(host_ns), now=None)
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
@@ -78,19 +60,15 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             innovation = before.innovation(measurement)
         apparent = before.update(innovation, innovation.gain)
         wandering, fresh, placed_ns, evidence = state.placed(measurement, noise, host_ns)
-        down = self.down.update(measurement)
+        down, late = self.down.update(measurement), errors.by_delay(measurement)
+        report_m2 = errors.priors.position_noise_m**2
         now = relative_estimate(
-            before,
-            innovation,
-            fix.noise_cov,
-            position_noise_m2=errors.position_noise_m2,
-            by_delay=errors.by_delay(measurement),
-            down=down.shared,
+            before, innovation, fix.noise_cov, position_noise_m2=report_m2, by_delay=late, down=down.shared
         )
         return replace(
             state,
             apparent=apparent,
-            predicted=None,
+            predicted=apparent,
             wandering=wandering,
             wander_evidence=evidence,
             fresh=fresh,
@@ -100,7 +78,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
             point=point,
             now=now,
-            late=errors.late(measurement),
+            late=late,
             fixed_ns=host_ns,
             host_ns=host_ns,
         )
@@ -109,12 +87,13 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         """The fix with the sensitivities at the linearization point, that point, and the noise of the fix alone."""
         errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
+        measurement = errors.curved_by_delay(measurement, fix)
         if not is_level(fix):
             return self.point, errors.with_sensitivity_noise(measurement, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
-        height_m, sigma_m = fix.drop_m, errors.height_noise_m
-        point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=sigma_m)
-        if errors.position_noise_m2 > (OWN_RAY * point.height_m) ** 2:
+        height_m, priors = fix.drop_m, errors.priors
+        point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=priors.height_noise_m)
+        if priors.position_noise_m**2 > (OWN_RAY * point.height_m) ** 2:
             scale = point.height_m / height_m
             toward_n, toward_e = scale * (fix_n - camera_n), scale * (fix_e - camera_e)
         else:
@@ -126,22 +105,24 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
 class StaticKalman:
     """Initiates standing targets."""
 
-    __slots__ = ("_model",)
+    __slots__ = ("model",)
 
     def __init__(self, priors: ErrorPriors) -> None:
-        self._model = StandingModel(priors)
+        self.model = StandingModel(priors)
 
     def initiate(self, fix: GroundFix) -> StaticTargetState:
         """The state after the first fix: the fix itself."""
-        model, host_ns = self._model, fix.sighting.frame_host_ns
-        measurement = model.errors.with_sensitivity_noise(model.errors.prepared(fix), FIRST_SENSITIVITY_S)
+        model, host_ns = self.model, fix.sighting.frame_host_ns
+        measurement = model.errors.curved_by_delay(model.errors.prepared(fix), fix)
+        measurement = model.errors.with_sensitivity_noise(measurement, FIRST_SENSITIVITY_S)
         apparent, wander = first_point_estimate(measurement), model.wander_at(fix)
         return StaticTargetState(
             model=model,
             wander=wander,
             apparent=apparent,
+            predicted=apparent,
             down=first_down(measurement),
-            point=first_point(fix, model.errors.height_noise_m),
+            point=first_point(fix, model.errors.priors.height_noise_m),
             apart_ns=apart_at(fix),
             placed_ns=host_ns,
             fixed_ns=host_ns,

@@ -9,12 +9,13 @@ fixes: it is their running mean, seen from the camera at a smoothed height.
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, expm1, sqrt
 
 import msgspec
 
 from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.small_matrices import Symmetric2
+from fwav_companion.geometry.vectors import Vector3, combination
 from fwav_companion.types import Bias, GroundFix
 
 MEAN_S = 0.7
@@ -30,6 +31,8 @@ SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bi
 """Biases whose sensitivities hold the noise of a fix."""
 TELEMETRY_STEP_S = 0.1
 """Interval of heights and positions ([rates] position = 10 Hz), between which they are interpolated."""
+SLOWEST = 1e-3
+"""Smallest angular frequency of a swing, rad/s: slower ones are as good as constant accelerations."""
 
 
 class LinearizationPoint(msgspec.Struct, frozen=True, gc=False):
@@ -92,18 +95,12 @@ def is_level(fix: GroundFix) -> bool:
 def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float) -> tuple[tuple[float, float], ...]:
     """d(north, east)/d(bias) of a sight of the level ground at (north, east) from the camera, ``height_m`` below it.
 
-    A column for each of SENSITIVE. A rotation w of the vehicle moves the point by w x r, less the way along the ray r
-    back to the ground; the columns of ``localization.propagation`` at the fix itself.
+    A column for each of SENSITIVE: those of ``localization.propagation`` at the fix itself.
     """
-    per_n, per_e = north_m / height_m, east_m / height_m
-    target_m = fix.sighting.anchor_sigma_m
-    (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = body_axes_ned(fix.sighting.state.ned_from_carrier)
-    down = xx * east_m - yx * north_m
-    roll_n, roll_e = yx * height_m - zx * east_m - down * per_n, zx * north_m - xx * height_m - down * per_e
-    down = xy * east_m - yy * north_m
-    pitch_n, pitch_e = yy * height_m - zy * east_m - down * per_n, zy * north_m - xy * height_m - down * per_e
-    down = xz * east_m - yz * north_m
-    yaw_n, yaw_e = yz * height_m - zz * east_m - down * per_n, zz * north_m - xz * height_m - down * per_e
+    ray = (north_m, east_m, height_m)
+    x, y, z = body_axes_ned(fix.sighting.state.ned_from_carrier)
+    (roll_n, roll_e), (pitch_n, pitch_e), (yaw_n, yaw_e) = _turned(x, ray), _turned(y, ray), _turned(z, ray)
+    per_n, per_e, target_m = north_m / height_m, east_m / height_m, fix.sighting.anchor_sigma_m
     return (
         (roll_n, roll_e),
         (pitch_n, pitch_e),
@@ -113,3 +110,39 @@ def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float
         (per_n, per_e),
         (-target_m * per_n, -target_m * per_e),
     )
+
+
+def _turned(axis: Vector3, ray: Vector3) -> tuple[float, float]:
+    """d(north, east)/d(rotation w about an axis) of a point on the ground: w x r, less the way along the ray r."""
+    (x, y, z), (north_m, east_m, height_m) = axis, ray
+    down = x * east_m - y * north_m
+    return (
+        y * height_m - z * east_m - down * (north_m / height_m),
+        z * north_m - x * height_m - down * (east_m / height_m),
+    )
+
+
+def delay_curvature(fix: GroundFix, sigma_s: float) -> tuple[float, float]:
+    """One sigma of what a delay of this sigma does to a fix beyond its sensitivity: north and east, metres.
+
+    The ray r to level ground turns at the rate w with the acceleration a. With the relative change of its length
+    k = (w x r)_z / r_z, it is r' = w x r - k r and r'' = a x r + w x r' - k r' - k' r. A fix that swings as sin(f t) is
+    displaced by r'' (1 - cos(f d)) / f^2. Over the delays d that is uncorrelated with sin(f d), and its sigma is
+    (1 - exp(-f^2 sigma^2)) / sqrt(2) times r'' / f^2: for slow swings r'' sigma^2 / sqrt(2).
+    """
+    state, (north_m, east_m, down_m) = fix.sighting.state, fix.position_ned
+    camera_n, camera_e, camera_d = fix.sighting.camera_ned
+    north_m, east_m, height_m = north_m - camera_n, east_m - camera_e, down_m - camera_d
+    axes = body_axes_ned(state.ned_from_carrier)
+    if height_m <= 0.0:
+        return (0.0, 0.0)
+    w_n, w_e, w_d = combination(axes, state.carrier_rates)
+    a_n, a_e, a_d = combination(axes, state.carrier_acceleration)
+    k = (w_n * east_m - w_e * north_m) / height_m
+    by_n, by_e = w_e * height_m - w_d * east_m - k * north_m, w_d * north_m - w_n * height_m - k * east_m
+    k_more = (a_n * east_m - a_e * north_m + w_n * by_e - w_e * by_n) / height_m
+    more_n = a_e * height_m - a_d * east_m - w_d * by_e - k * by_n - k_more * north_m
+    more_e = a_d * north_m - a_n * height_m + w_d * by_n - k * by_e - k_more * east_m
+    f2 = max(state.turning_frequency, SLOWEST) ** 2
+    size = -expm1(-f2 * sigma_s * sigma_s) * sqrt(0.5) / f2
+    return (size * more_n, size * more_e)

@@ -40,9 +40,9 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=Fals
         return replace(
             state,
             wander=wander,
-            predicted=None,
+            predicted=state.apparent,
             scatter=scatter,
-            late=errors.late(sample),
+            late=errors.by_delay(sample),
             fixed_ns=host_ns,
             host_ns=host_ns,
             waiting=waiting,
@@ -50,8 +50,7 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=Fals
 
     def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:
         """One blend. What of the position error is in u is in it as it was when its samples came."""
-        before = self.before(host_ns)
-        apparent = before.update(before.innovation(sample), (share, 0.0, 0.0, share))
+        apparent = self.before(host_ns).mixed(sample, sample.noise, share)
         return replace(self, apparent=apparent, down=self.down.update(sample, share))
 
     @property
@@ -81,10 +80,12 @@ class LowPass:
         """The state after the first sample: u_0 = x_0."""
         model, host_ns = self._model, fix.sighting.frame_host_ns
         sample = model.errors.prepared(fix)
+        apparent = first_point_estimate(sample)
         return LowPassTargetState(
             model=model,
             wander=model.wander_at(fix),
-            apparent=first_point_estimate(sample),
+            apparent=apparent,
+            predicted=apparent,
             down=first_down(sample),
             apart_ns=apart_at(fix),
             placed_ns=host_ns,

@@ -6,6 +6,8 @@ velocity, too, has a constant time offset and a wandering position in it. The ga
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import msgspec
 from msgspec.structs import replace
 
@@ -49,7 +51,7 @@ CLIMB_DENSITY = 0.0003
 """m^2/s^3, vertical."""
 
 
-class MovingTargetState(msgspec.Struct, frozen=True):
+class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     """Position and velocity, the covariances of their noise, and their covariances with the biases."""
 
     errors: ConsiderBiases
@@ -63,9 +65,9 @@ class MovingTargetState(msgspec.Struct, frozen=True):
     shared: Rows
     """cov(position error, b / sigma), metres."""
     velocity_shared: Rows
-    scatter: AdaptiveNoise
+    scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
-    lag: ManeuverLag
+    lag: ManeuverLag = ManeuverLag()
     """Running mean of the innovations, which shows a turn."""
     host_ns: HostNs
     fixed_ns: HostNs
@@ -101,39 +103,34 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         if dt <= 0.0:
             return self
         density = ACCELERATION_DENSITY if s_from_ns(host_ns - self.fixed_ns) < UNSEEN_S else UNSEEN_DENSITY
-        both = add_matrices(self.cross, transpose(self.cross))
-        noise = add_matrices(self.noise, add_matrices(scaled(both, dt), scaled(self.velocity_noise, dt * dt)))
         cross = add_matrices(self.cross, scaled(self.velocity_noise, dt))
-        return MovingTargetState(
-            self.errors,
-            add(self.position_ned, scale(self.velocity_ned, dt)),
-            self.velocity_ned,
-            _accelerated(noise, density, dt**3 / 3.0),
-            _accelerated(cross, density, dt * dt / 2.0),
-            _accelerated(self.velocity_noise, density, dt),
-            _carried(self.shared, self.velocity_shared, dt),
-            self.velocity_shared,
-            self.scatter,
-            self.lag,
-            host_ns,
-            self.fixed_ns,
+        noise = add_matrices(self.noise, scaled(add_matrices(cross, transpose(self.cross)), dt))
+        return replace(
+            self,
+            position_ned=add(self.position_ned, scale(self.velocity_ned, dt)),
+            noise=_accelerated(noise, density, dt**3 / 3.0),
+            cross=_accelerated(cross, density, dt * dt / 2.0),
+            velocity_noise=_accelerated(self.velocity_noise, density, dt),
+            shared=_plus(self.shared, self.velocity_shared, dt),
+            host_ns=host_ns,
         )
 
     def gate(self, fix: GroundFix) -> GateResult:
-        """How little a fix at this instant was expected, horizontal; one beyond where it lags is expected the more."""
+        """Gating statistics of a fix at this instant, horizontal; the gate is wider where the target lags."""
         place = self._place(add_matrices(self.noise, self.lag.position_cov))
         return gate_results(place, self.scatter, (self.errors.prepared(fix),), self.errors.timed)[0]
 
     def update(self, fix: GroundFix) -> MovingTargetState:
         """The state after a fix by the gain of least noise and observed scatter; a target that turned is freed."""
-        since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
+        host_ns = fix.sighting.frame_host_ns
+        since_s = s_from_ns(host_ns - self.fixed_ns)
         measurement = self.errors.decorrelated(fix, since_s, self.position_ned)
         north_m, east_m, _ = subtract(measurement.position, self.position_ned)
         (nn, ne, _), (_, ee, _), _ = self._expected(measurement.noise)
         lag = self.lag.with_clipped(north_m, east_m, since_s, (nn, ne, ee))
         if lag.is_turn((nn, ne, ee), TURNED):
-            return self._turned(lag)._updated(measurement, ManeuverLag(), fix.sighting.frame_host_ns)
-        return self._updated(measurement, lag, fix.sighting.frame_host_ns)
+            return self._turned(lag)._updated(measurement, ManeuverLag(), host_ns)
+        return self._updated(measurement, lag, host_ns)
 
     def _expected(self, noise: Matrix3) -> Matrix3:
         """Covariance of the innovation of a fix with this noise."""
@@ -150,40 +147,33 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         )
 
     def _updated(self, measurement: Measurement, lag: ManeuverLag, host_ns: HostNs) -> MovingTargetState:
+        """The state after a measurement: gains K = P inv(S) and L = C' inv(S), S with the observed scatter.
+
+        The covariances are in Joseph's form by blocks, which holds for any gain.
+        """
         inverse = symmetric_inverse(self._expected(measurement.noise))
         gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
+        seen = add_matrices(self.noise, measurement.noise)
         difference = subtract(measurement.position, self.position_ned)
-        noise, cross, velocity_noise = self._blended_noise(measurement.noise, gain, velocity_gain)
-        return MovingTargetState(
-            self.errors,
-            add(self.position_ned, transform(gain, difference)),
-            add(self.velocity_ned, transform(velocity_gain, difference)),
-            noise,
-            cross,
-            velocity_noise,
-            blended_shared(self.shared, measurement.shared, self.shared, gain),
-            blended_shared(self.velocity_shared, measurement.shared, self.shared, velocity_gain),
-            scattered(self._place(self.noise), self.scatter, measurement, self.errors.timed),
-            lag,
-            self.host_ns,
-            host_ns,
+        off = _plus(measurement.shared, self.shared, -1.0)
+        of_place, of_velocity = (gain, self.noise), (velocity_gain, self.cross)
+        return replace(
+            self,
+            position_ned=add(self.position_ned, transform(gain, difference)),
+            velocity_ned=add(self.velocity_ned, transform(velocity_gain, difference)),
+            noise=symmetrized(_blended(self.noise, of_place, of_place, seen)),
+            cross=_blended(self.cross, of_place, of_velocity, seen),
+            velocity_noise=symmetrized(_blended(self.velocity_noise, of_velocity, of_velocity, seen)),
+            shared=_corrected(self.shared, gain, off),
+            velocity_shared=_corrected(self.velocity_shared, velocity_gain, off),
+            scatter=scattered(self._place(self.noise), self.scatter, measurement, self.errors.timed),
+            lag=lag,
+            fixed_ns=host_ns,
         )
 
     def _place(self, noise: Matrix3) -> PointEstimate:
         (nn, ne, _), (_, ee, _), _ = noise
         return PointEstimate(self.position_ned[0], self.position_ned[1], (nn, ne, ee), self.shared[:2])
-
-    def _blended_noise(self, fix: Matrix3, gain: Matrix3, velocity_gain: Matrix3) -> tuple[Matrix3, Matrix3, Matrix3]:
-        """(I - K H) P (I - K H)' + K R K' for any gain, by its blocks."""
-        seen = add_matrices(self.noise, fix)
-        to_velocity = multiply(velocity_gain, self.cross)
-        spread = multiply(multiply(velocity_gain, seen), transpose(velocity_gain))
-        velocity_noise = add_matrices(
-            minus(self.velocity_noise, add_matrices(to_velocity, transpose(to_velocity))), spread
-        )
-        cross = minus(self.cross, multiply(gain, self.cross))
-        cross = add_matrices(cross, multiply(minus(multiply(gain, seen), self.noise), transpose(velocity_gain)))
-        return joseph_update(self.noise, fix, gain), cross, symmetrized(velocity_noise)
 
 
 class MovingKalman:
@@ -196,36 +186,24 @@ class MovingKalman:
 
     def initiate(self, fix: GroundFix) -> MovingTargetState:
         """The state after the first fix: there, at any walking or driving speed."""
-        host_ns = fix.sighting.frame_host_ns
-        measurement = self._errors.prepared(fix)
+        host_ns, measurement = fix.sighting.frame_host_ns, self._errors.prepared(fix)
         nothing = (0.0,) * self._errors.count
-        speed = START_SPEED_M_S**2
         return MovingTargetState(
-            self._errors,
-            measurement.position,
-            ZERO3,
-            measurement.noise,
-            ZERO33,
-            ((speed, 0.0, 0.0), (0.0, speed, 0.0), (0.0, 0.0, START_CLIMB_M_S**2)),
-            measurement.shared,
-            (nothing, nothing, nothing),
-            AdaptiveNoise(),
-            ManeuverLag(),
-            host_ns,
-            host_ns,
+            errors=self._errors,
+            position_ned=measurement.position,
+            velocity_ned=ZERO3,
+            noise=measurement.noise,
+            cross=ZERO33,
+            velocity_noise=add_diagonal(ZERO33, START_SPEED_M_S**2, START_CLIMB_M_S**2),
+            shared=measurement.shared,
+            velocity_shared=(nothing, nothing, nothing),
+            host_ns=host_ns,
+            fixed_ns=host_ns,
         )
 
 
 def _accelerated(m: Matrix3, density: float, factor: float) -> Matrix3:
     return add_diagonal(m, density * factor, CLIMB_DENSITY * factor)
-
-
-def _carried(rows: Rows, velocity_rows: Rows, dt: float) -> Rows:
-    n, e, d = (
-        tuple([c + dt * v for c, v in zip(row, velocity_row, strict=True)])
-        for row, velocity_row in zip(rows, velocity_rows, strict=True)
-    )
-    return (n, e, d)
 
 
 def _with_biases(noise: Matrix3, shared: Rows, count: int) -> Matrix3:
@@ -234,24 +212,30 @@ def _with_biases(noise: Matrix3, shared: Rows, count: int) -> Matrix3:
     return add_matrices(noise, ((inner(n, n), ne, nd), (ne, inner(e, e), ed), (nd, ed, inner(d, d))))
 
 
-def joseph_update(own: Matrix3, fix: Matrix3, gain: Matrix3) -> Matrix3:
-    """(I - K) P (I - K)' + K R K', for any gain."""
-    (a, b, c), (d, e, f), (g, h, i) = gain
-    rest = ((1.0 - a, -b, -c), (-d, 1.0 - e, -f), (-g, -h, 1.0 - i))
-    kept, come = multiply(multiply(rest, own), transpose(rest)), multiply(multiply(gain, fix), transpose(gain))
-    (nn, ne, nd), (_, ee, ed), (_, _, dd) = kept
-    (c_nn, c_ne, c_nd), (_, c_ee, c_ed), (_, _, c_dd) = come
-    nn, ne, nd, ee, ed, dd = nn + c_nn, ne + c_ne, nd + c_nd, ee + c_ee, ed + c_ed, dd + c_dd
-    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+Blend: TypeAlias = tuple[Matrix3, Matrix3]
+"""The gain of a block of the state, and the covariance of the position with that block."""
 
 
-def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
-    """C + K (J - C_estimate), C being what is blended: the estimate's own rows, or its velocity's."""
-    (k00, k01, k02), (k10, k11, k12), (k20, k21, k22) = gain
-    north, east, down = [], [], []
-    for n, e, d, was_n, was_e, was_d, fix_n, fix_e, fix_d in zip(*own, *estimate, *fix, strict=True):
-        x, y, z = fix_n - was_n, fix_e - was_e, fix_d - was_d
-        north.append(n + k00 * x + k01 * y + k02 * z)
-        east.append(e + k10 * x + k11 * y + k12 * z)
-        down.append(d + k20 * x + k21 * y + k22 * z)
-    return (tuple(north), tuple(east), tuple(down))
+def _blended(cov: Matrix3, one: Blend, other: Blend, seen: Matrix3) -> Matrix3:
+    """A block of the covariance after a fix: ``X - K P_b - P_a' L' + K (P + R) L'``. ``seen``: P + R."""
+    (gain, with_one), (other_gain, with_other) = one, other
+    rest = minus(multiply(gain, seen), transpose(with_one))
+    return add_matrices(minus(cov, multiply(gain, with_other)), multiply(rest, transpose(other_gain)))
+
+
+def _plus(rows: Rows, others: Rows, factor: float) -> Rows:
+    """Rows + factor * others."""
+    n, e, d = (
+        tuple([a + factor * b for a, b in zip(row, other, strict=True)])
+        for row, other in zip(rows, others, strict=True)
+    )
+    return (n, e, d)
+
+
+def _corrected(rows: Rows, gain: Matrix3, off: Rows) -> Rows:
+    """C + K (J - C_position). ``off``: the difference."""
+    n, e, d = (
+        tuple([c + k_n * x + k_e * y + k_d * z for c, x, y, z in zip(row, *off, strict=True)])
+        for row, (k_n, k_e, k_d) in zip(rows, gain, strict=True)
+    )
+    return (n, e, d)

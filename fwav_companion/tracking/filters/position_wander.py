@@ -25,12 +25,12 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Row, Symmetric2
+from fwav_companion.geometry.small_matrices import Row, diagonal, plus_diagonal
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 from fwav_companion.tracking.filters.wander_evidence import Mean, with_mean
 
-Column: TypeAlias = tuple[float, ...]
-"""One number for each state: the place, then error and rate of each process."""
+Table: TypeAlias = tuple[Row, ...]
+"""A row for each state: the place, then error and rate of each process."""
 
 
 class PositionWander(msgspec.Struct, frozen=True, gc=False):
@@ -50,6 +50,12 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     """Density of a first-order error's rate with the same integral, m^2/s: the mean of sigma^2 w."""
     smooth_density: float
     """Density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
+
+    @property
+    def prior_variances(self) -> tuple[float, ...]:
+        """Variances of error and rate of each process, m^2 and (m/s)^2."""
+        each = self.variance_each
+        return tuple([variance for rate in self.rates for variance in (each, each * rate * rate)])
 
     def apparent_noise(self, interval_s: float, variance: float, smooth_share: float) -> float:
         """Variance by which the apparent place moves within an interval, each axis, m^2.
@@ -93,45 +99,38 @@ def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
 
 
 class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
-    """Place, errors of the vehicle's position and their rates; north and east of each, one covariance for both axes."""
+    """Place, errors of the vehicle's position and their rates, along both axes, with one covariance for each axis."""
 
-    north: Column
-    east: Column
-    cov: tuple[Column, ...]
-    shared: tuple[tuple[Row, ...], tuple[Row, ...]]
-    """cov(state, b / sigma): the rows of all states for north, and those for east."""
+    north: Table
+    """Mean of each state, metres and m/s, and its cov(state, b / sigma) by the biases."""
+    east: Table
+    cov: Table
     means: tuple[Mean, ...] = ()
     """The last three means of fixes, without a jump between them."""
 
     @property
     def estimate(self) -> PointEstimate:
         """The place with its covariance."""
-        noise: Symmetric2 = (self.cov[0][0], 0.0, self.cov[0][0])
-        return PointEstimate(self.north[0], self.east[0], noise, (self.shared[0][0], self.shared[1][0]))
+        (north_m, *by_north), (east_m, *by_east), variance = self.north[0], self.east[0], self.cov[0][0]
+        return PointEstimate(north_m, east_m, (variance, 0.0, variance), (tuple(by_north), tuple(by_east)))
 
     def update(
         self, apparent: PointEstimate, wander: PositionWander, interval_s: float, mean: PointEstimate
     ) -> WanderingPlace:
         """The state after the apparent place ``interval_s`` after the last one. ``mean``: of the same fixes."""
-        steps = [_step(rate, interval_s) for rate in wander.rates]
+        steps = [process_step(rate, interval_s) for rate in wander.rates]
         cov = _predicted(self.cov, steps, wander)
-        by_apparent = [row[0] + sum(row[1::2]) for row in cov]
+        by_apparent = _apparent(cov)
         # What the biases do changes with the geometry, too: taken for wander it would be extrapolated.
         north_variance, _, east_variance = apparent.cov
-        noise = 0.5 * (north_variance + east_variance)
-        scale = 1.0 / (by_apparent[0] + sum(by_apparent[1::2]) + noise)
+        scale = 1.0 / (by_apparent[0] + sum(by_apparent[1::2]) + 0.5 * (north_variance + east_variance))
         gains = [each * scale for each in by_apparent]
-        rows = zip(apparent.shared, self.shared, strict=True)
-        north, east = (_blended_rows(own, _moved_rows(of, steps), gains) for own, of in rows)
+        shared_n, shared_e = apparent.shared
         return WanderingPlace(
-            north=_blended(apparent.north_m, _moved(self.north, steps), gains),
-            east=_blended(apparent.east_m, _moved(self.east, steps), gains),
-            cov=tuple(
-                tuple([p - gain * other for p, other in zip(row, by_apparent, strict=True)])
-                for row, gain in zip(cov, gains, strict=True)
-            ),
-            shared=(north, east),
-            means=with_mean(self.means, mean, interval_s),
+            _blended((apparent.north_m, *shared_n), _moved(self.north, steps), gains),
+            _blended((apparent.east_m, *shared_e), _moved(self.east, steps), gains),
+            _blended((0.0,) * len(cov), cov, gains),
+            with_mean(self.means, mean, interval_s),
         )
 
     def movement(self, wander: PositionWander, interval_s: float) -> tuple[float, float, float]:
@@ -147,9 +146,11 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
             error, by_rate = decay * (1.0 + rate * interval_s) - 1.0, decay * interval_s
             row += (error, by_rate)
             variance -= each * (error * (2.0 + error) + (rate * by_rate) ** 2)
-        for weight, column in zip(row, self.cov, strict=True):
-            variance += weight * sum(map(mul, row, column))
-        return sum(map(mul, row, self.north)), sum(map(mul, row, self.east)), max(0.0, variance)
+        north_m = east_m = 0.0
+        for weight, of_north, of_east, cov in zip(row, self.north, self.east, self.cov, strict=True):
+            north_m, east_m = north_m + weight * of_north[0], east_m + weight * of_east[0]
+            variance += weight * sum(map(mul, row, cov))
+        return north_m, east_m, max(0.0, variance)
 
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state with the error free to have moved by ``variance``, m^2."""
@@ -159,18 +160,7 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
 
     def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
         """The state with an error of which nothing is known but the processes."""
-        count, place_variance = 1 + 2 * len(wander.rates), self.cov[0][0]
-        variances = (place_variance, *_prior_variances(wander))
-        nothing = (0.0,) * len(self.shared[0][0])
-        return WanderingPlace(
-            north=(self.north[0], *(0.0,) * (count - 1)),
-            east=(self.east[0], *(0.0,) * (count - 1)),
-            cov=tuple(tuple(variances[i] if i == j else 0.0 for j in range(count)) for i in range(count)),
-            shared=(
-                (self.shared[0][0], *(nothing,) * (count - 1)),
-                (self.shared[1][0], *(nothing,) * (count - 1)),
-            ),
-        )
+        return _with_prior_errors(self.estimate, wander, 0.0)
 
 
 def first_place_estimate(apparent: PointEstimate, wander: PositionWander) -> PointEstimate:
@@ -181,17 +171,20 @@ def first_place_estimate(apparent: PointEstimate, wander: PositionWander) -> Poi
 
 def first_place(apparent: PointEstimate, wander: PositionWander) -> WanderingPlace:
     """The state by one apparent place: the place there, and the error at its prior."""
-    others, each = 2 * len(wander.rates), wander.variance_each
-    nothing = (0.0,) * len(apparent.shared[0])
-    variances = _prior_variances(wander)
-    by_place = tuple(-each if i % 2 == 0 else 0.0 for i in range(others))
-    total = 0.5 * (apparent.noise[0] + apparent.noise[2]) + wander.sigma_m**2
-    rest = tuple((by_place[i], *(variances[i] if i == j else 0.0 for j in range(others))) for i in range(others))
+    return _with_prior_errors(first_place_estimate(apparent, wander), wander, -wander.variance_each)
+
+
+def _with_prior_errors(place: PointEstimate, wander: PositionWander, by_error: float) -> WanderingPlace:
+    """The state by a place, the errors at their priors. ``by_error``: covariance of the place with each error, m^2."""
+    variances = wander.prior_variances
+    errors = diagonal(variances)
+    by_errors = (by_error, 0.0) * len(wander.rates)
+    nothing = (0.0,) * (1 + len(place.shared[0]))
+    shared_n, shared_e = place.shared
     return WanderingPlace(
-        north=(apparent.north_m, *(0.0,) * others),
-        east=(apparent.east_m, *(0.0,) * others),
-        cov=((total, *by_place), *rest),
-        shared=((apparent.shared[0], *(nothing,) * others), (apparent.shared[1], *(nothing,) * others)),
+        north=((place.north_m, *shared_n), *[nothing] * len(variances)),
+        east=((place.east_m, *shared_e), *[nothing] * len(variances)),
+        cov=((place.noise[0], *by_errors), *[(by, *row) for by, row in zip(by_errors, errors, strict=True)]),
     )
 
 
@@ -199,7 +192,8 @@ Step: TypeAlias = tuple[float, float, float, float]
 """Transition of one process: error by error and rate, rate by error and rate."""
 
 
-def _step(rate: float, interval_s: float) -> Step:
+def process_step(rate: float, interval_s: float) -> Step:
+    """The transition of a critically damped process of this angular frequency, 1/s."""
     decay = exp(-rate * interval_s)
     return (
         decay * (1.0 + rate * interval_s),
@@ -209,23 +203,8 @@ def _step(rate: float, interval_s: float) -> Step:
     )
 
 
-def _prior_variances(wander: PositionWander) -> tuple[float, ...]:
-    """Variances of error and rate of each process."""
-    each = wander.variance_each
-    return tuple(variance for rate in wander.rates for variance in (each, each * rate * rate))
-
-
-def _moved(column: Sequence[float], steps: Sequence[Step]) -> Column:
-    """The transition applied to one column."""
-    moved = [column[0]]
-    for i, (ee, er, re, rr) in enumerate(steps):
-        error, rate = column[2 * i + 1], column[2 * i + 2]
-        moved += (ee * error + er * rate, re * error + rr * rate)
-    return tuple(moved)
-
-
-def _moved_rows(rows: tuple[Row, ...], steps: Sequence[Step]) -> tuple[Row, ...]:
-    """The transition applied to the rows of C."""
+def _moved(rows: Sequence[Row], steps: Sequence[Step]) -> Table:
+    """The transition applied to a table."""
     moved = [rows[0]]
     for i, (ee, er, re, rr) in enumerate(steps):
         both = list(zip(rows[2 * i + 1], rows[2 * i + 2], strict=True))
@@ -233,25 +212,21 @@ def _moved_rows(rows: tuple[Row, ...], steps: Sequence[Step]) -> tuple[Row, ...]
     return tuple(moved)
 
 
-def _predicted(cov: tuple[Column, ...], steps: Sequence[Step], wander: PositionWander) -> list[Column]:
+def _predicted(cov: Table, steps: Sequence[Step], wander: PositionWander) -> Table:
     """The predicted covariance: ``F (P - S) F' + S``, with S that of the stationary processes."""
-    variances = (0.0, *_prior_variances(wander))
-    rest = [[p - (variances[i] if i == j else 0.0) for j, p in enumerate(row)] for i, row in enumerate(cov)]
-    half = [_moved(row, steps) for row in rest]
-    moved = [_moved(column, steps) for column in zip(*half, strict=True)]
-    return [tuple([p + (variances[i] if i == j else 0.0) for j, p in enumerate(row)]) for i, row in enumerate(moved)]
+    variances = (0.0, *wander.prior_variances)
+    half = _moved(plus_diagonal(cov, [-each for each in variances]), steps)
+    return plus_diagonal(_moved(list(zip(*half, strict=True)), steps), variances)
 
 
-def _blended(apparent: float, column: Column, gains: Sequence[float]) -> Column:
-    """The states of one axis after the apparent place by these gains."""
-    off = apparent - column[0] - sum(column[1::2])
-    return tuple([x + gain * off for x, gain in zip(column, gains, strict=True)])
+def _apparent(rows: Table) -> Row:
+    """The apparent place by a table: the place and the error of each process."""
+    return tuple([sum(each) for each in zip(rows[0], *rows[1::2], strict=True)])
 
 
-def _blended_rows(apparent: Row, rows: tuple[Row, ...], gains: Sequence[float]) -> tuple[Row, ...]:
-    """The same of the rows of C."""
-    shown = [rows[0], *rows[1::2]]
-    off = [a - sum(each) for a, each in zip(apparent, zip(*shown, strict=True), strict=True)]
+def _blended(apparent: Row, rows: Table, gains: Sequence[float]) -> Table:
+    """A table after the apparent place by these gains: ``X + K (z - H X)``, with z = 0 for the covariance."""
+    off = [measured - expected for measured, expected in zip(apparent, _apparent(rows), strict=True)]
     return tuple(
-        tuple([x + gain * o for x, o in zip(row, off, strict=True)]) for row, gain in zip(rows, gains, strict=True)
+        [tuple([x + gain * o for x, o in zip(row, off, strict=True)]) for row, gain in zip(rows, gains, strict=True)]
     )

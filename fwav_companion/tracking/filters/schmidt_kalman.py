@@ -118,6 +118,8 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
 
     def along(self, row: Row) -> tuple[float, float]:
         """C times the row of another error: their covariance by the biases, north and east, m^2."""
+        if not any(row):  # on level ground no bias moves a point up or down
+            return 0.0, 0.0
         return inner(self.shared[0], row), inner(self.shared[1], row)
 
     def update(self, innovation: Innovation2, gain: Gain) -> PointEstimate:
@@ -146,6 +148,20 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
             (tuple(north), tuple(east)),
         )
 
+    def mixed(self, fix: Measurement, noise: Matrix3, share: float) -> PointEstimate:
+        """The estimate after a fix by the gain ``share`` of either axis. ``noise``: R, m^2."""
+        (nn, ne, ee), ((r_nn, r_ne, _), (_, r_ee, _), _) = self.noise, noise
+        kept2, share2, north, east = (1.0 - share) ** 2, share * share, [], []
+        for x, y, j_x, j_y in zip(*self.shared, *fix.shared[:2], strict=True):
+            north.append(x + share * (j_x - x))
+            east.append(y + share * (j_y - y))
+        return PointEstimate(
+            self.north_m + share * (fix.position[0] - self.north_m),
+            self.east_m + share * (fix.position[1] - self.east_m),
+            (kept2 * nn + share2 * r_nn, kept2 * ne + share2 * r_ne, kept2 * ee + share2 * r_ee),
+            (tuple(north), tuple(east)),
+        )
+
 
 class DownEstimate(msgspec.Struct, frozen=True, gc=False):
     """Height of the target: its own scalar filter."""
@@ -169,9 +185,9 @@ class DownEstimate(msgspec.Struct, frozen=True, gc=False):
         return DownEstimate(down_m, variance, shared)
 
 
-def first_point_estimate(fix: Measurement) -> PointEstimate:
-    """The estimate after a first fix: the fix itself."""
-    (nn, ne, _), (_, ee, _), _ = fix.noise
+def first_point_estimate(fix: Measurement, noise: Matrix3 | None = None) -> PointEstimate:
+    """The estimate after a first fix: the fix itself. ``noise``: R, m^2, where it is not that of ``fix``."""
+    (nn, ne, _), (_, ee, _), _ = noise or fix.noise
     return PointEstimate(fix.position[0], fix.position[1], (nn, ne, ee), fix.shared[:2])
 
 
@@ -182,9 +198,9 @@ def first_down(fix: Measurement) -> DownEstimate:
 
 def gain_of(weighed: Gain, cov: Symmetric2) -> Gain:
     """A covariance with an innovation, times the inverse of the innovation's own."""
-    (a, b, c, d), (s_nn, s_ne, s_ee) = weighed, cov
-    scale = 1.0 / (s_nn * s_ee - s_ne * s_ne)
-    i_nn, i_ne, i_ee = s_ee * scale, -s_ne * scale, s_nn * scale
+    (a, b, c, d), (nn, ne, ee) = weighed, cov
+    scale = 1.0 / (nn * ee - ne * ne)
+    i_nn, i_ne, i_ee = ee * scale, -ne * scale, nn * scale
     return (a * i_nn + b * i_ne, a * i_ne + b * i_ee, c * i_nn + d * i_ne, c * i_ne + d * i_ee)
 
 
@@ -210,40 +226,40 @@ def relative_estimate(
 ) -> RelativeEstimate:
     """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
 
-    An update of this instant alone. Its prior is wider by the noise of one position, which is no noise of the fix then;
-    and what the position delay does to the fix, it does to the report. ``fix_noise``: R of this fix alone, where that
-    of the innovation is inflated for time correlation. ``down``: C of the height.
+    An update of this instant alone: in that frame the noise r of one position is in the target and not in the fix, and
+    what the position delay does to the report, d, it does to neither. The innovation is the same: only its covariance
+    with the target's error (+ r + d D') and that of the target (+ r - d C' - C d' + d d') change, D and C being the
+    columns of the delay. ``fix_noise``: R of this fix alone, where that of the innovation is inflated for time
+    correlation; ``down``: C of the height. An update of all rows would double the time of a fix.
     """
     (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = innovation.weighed, innovation.before, innovation.cov
-    (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee) = before.noise, innovation.noise
-    (r_nn, r_ne, _), (_, r_ee, _), _ = fix_noise
     a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
     if by_delay is not None:
         i, n, e = by_delay
-        (c_n, c_e), (j_n, j_e) = innovation.of_point, innovation.of_fix
-        d_n, d_e = j_n[i] - c_n[i], j_e[i] - c_e[i]
-        a, b, c, d = a + n * d_n, b + n * d_e, c + e * d_n, d + e * d_e
-        nn, ne, ee = nn + n * (n - 2.0 * c_n[i]), ne + n * e - n * c_e[i] - e * c_n[i], ee + e * (e - 2.0 * c_e[i])
+        (c_n, c_e), (j_n, j_e) = (row[i] for row in innovation.of_point), (row[i] for row in innovation.of_fix)
+        by_n, by_e = j_n - c_n, j_e - c_e
+        a, b, c, d = a + n * by_n, b + n * by_e, c + e * by_n, d + e * by_e
+        nn, ne, ee = nn + n * (n - 2.0 * c_n), ne + n * e - n * c_e - e * c_n, ee + e * (e - 2.0 * c_e)
+    (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee) = before.noise, innovation.noise
+    (r_nn, r_ne, _), (_, r_ee, _), _ = fix_noise
     alone = (s_nn - was_nn + p_nn + r_nn, s_ne - was_ne + p_ne + r_ne, s_ee - was_ee + p_ee + r_ee)
-    gain = k_nn, k_ne, k_en, k_ee = gain_of((a, b, c, d), alone)
+    k_nn, k_ne, k_en, k_ee = gain = gain_of((a, b, c, d), alone)
     return RelativeEstimate(
         before.north_m + k_nn * innovation.north_m + k_ne * innovation.east_m,
         before.east_m + k_en * innovation.north_m + k_ee * innovation.east_m,
         (nn - k_nn * a - k_ne * b, ne - k_nn * c - k_ne * d, ee - k_en * c - k_ee * d),
-        _down_cov(before, innovation, gain, by_delay=by_delay, down=down) if any(down) else (0.0, 0.0),
+        _down_cov(before, innovation, gain, by_delay, down) if any(down) else (0.0, 0.0),
     )
 
 
 def _down_cov(
-    before: PointEstimate, innovation: Innovation2, gain: Gain, *, by_delay: BiasShare | None, down: Row
+    before: PointEstimate, innovation: Innovation2, gain: Gain, by_delay: BiasShare | None, down: Row
 ) -> tuple[float, float]:
-    """Covariance by the biases of a relative estimate with the height."""
+    """Covariance by the biases of a relative estimate with the height: (C - d + K D) times the height's row."""
     (north, east), (a, b, c, d) = before.along(down), gain
-    of_north, of_east = (inner(row, down) for row in innovation.shared)
-    if by_delay is not None:
-        i, by_north, by_east = by_delay
-        north, east = north - by_north * down[i], east - by_east * down[i]
-    return north + a * of_north + b * of_east, east + c * of_north + d * of_east
+    of_n, of_e = (inner(row, down) for row in innovation.shared)
+    i, by_n, by_e = by_delay or (0, 0.0, 0.0)
+    return north - by_n * down[i] + a * of_n + b * of_e, east - by_e * down[i] + c * of_n + d * of_e
 
 
 def gate_results(

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
-from typing import Self
+from math import hypot, sqrt
+from typing import ClassVar, Self
 
 import msgspec
 from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import Symmetric2, inner
+from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.base import SharedInnovation
-from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
+from fwav_companion.tracking.filters.consider_biases import BiasShare, ConsiderBiases, Measurement
 from fwav_companion.tracking.filters.fix_mean import FixMean, first_mean
 from fwav_companion.tracking.filters.position_wander import (
     PositionWander,
@@ -69,8 +69,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Wander of the vehicle's position at the last fix."""
     apparent: PointEstimate
     """The place plus the present error of the vehicle's position: what single fixes agree with now."""
-    predicted: PointEstimate | None = None
-    """The same at ``host_ns``; None at the last fix."""
+    predicted: PointEstimate
+    """The same at ``host_ns``."""
+    now: RelativeEstimate | None = None
+    """The place in the frame of the vehicle's report at a fix of this instant; None where the filter has none."""
     wandering: WanderingPlace | None = None
     """The place apart from that error; None where positions are exact, and before ``apart_ns``."""
     wander_evidence: WanderEvidence | None = None
@@ -81,8 +83,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     down: DownEstimate
     scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
-    late: tuple[float, float] = (0.0, 0.0)
-    """Displacement of the vehicle's report by one sigma of the position delay, at the last fix: north, east, metres."""
+    late: BiasShare | None = None
+    """Displacement of the vehicle's report by one sigma of the position delay, at the last fix."""
     apart_ns: HostNs
     """Instant from which the place is apart from the apparent one."""
     placed_ns: HostNs
@@ -90,61 +92,52 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     fixed_ns: HostNs
     """Capture of the last fix."""
     host_ns: HostNs
+    velocity_ned: ClassVar[None] = None
+    velocity_cov: ClassVar[None] = None
 
     @property
     def position_ned(self) -> Vector3:
         """The place, NED, metres."""
         if self.wandering is not None:
-            return (self.wandering.north[0], self.wandering.east[0], self.down.down_m)
+            return (self.wandering.north[0][0], self.wandering.east[0][0], self.down.down_m)
         return (self.apparent.north_m, self.apparent.east_m, self.down.down_m)
 
     @property
     def cov(self) -> Matrix3:
         """Covariance of the place by every source of error, NED, m^2."""
-        return with_down(self._place, self.down)
+        place = self._place
+        return with_down(place.cov, place.along(self.down.shared), self.down)
 
     @property
     def apparent_ned(self) -> Vector3:
         """The place plus the present error of the vehicle's position, NED, metres."""
-        place = self.reported
+        place = self.now or self.predicted
         return (place.north_m, place.east_m, self.down.down_m)
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Covariance of the target relative to the vehicle, NED, m^2."""
-        return with_down(self.relative, self.down)
+        """Covariance of the target relative to the vehicle, NED, m^2.
 
-    @property
-    def relative(self) -> PointEstimate | RelativeEstimate:
-        """The same with noise and delay of that report, which are unknown: all of both counts."""
-        noise, (nn, ne, ee) = self.model.errors.position_noise_m2, self.report_lateness()
-        return (self.predicted or self.apparent).with_noise((noise + nn, ne, noise + ee))
+        Noise and delay of a report without a fix are unknown: all of both counts.
+        """
+        if self.now is not None:
+            return with_down(self.now.cov, self.now.down_cov, self.down)
+        noise, (nn, ne, ee) = self.model.errors.priors.position_noise_m**2, self.report_lateness()
+        place = self.predicted.with_noise((noise + nn, ne, noise + ee))
+        return with_down(place.cov, place.along(self.down.shared), self.down)
 
     def report_lateness(self, share: float = 1.0) -> Symmetric2:
         """Covariance of the vehicle's report by its position delay, m^2; ``share``: of the variance of its prior.
 
         Between fixes the course is not known: the vehicle has the speed of the last fix in any direction.
         """
-        north, east = self.late
+        if self.late is None:
+            return (0.0, 0.0, 0.0)
+        _, north, east = self.late
         if self.host_ns == self.fixed_ns:
             return (share * north * north, share * north * east, share * east * east)
         each = 0.5 * share * (north * north + east * east)
         return (each, 0.0, each)
-
-    @property
-    def reported(self) -> PointEstimate | RelativeEstimate:
-        """The place in the frame of the vehicle's report."""
-        return self.predicted or self.apparent
-
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """None: a standing target has no velocity."""
-        return None
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """None: a standing target has no velocity."""
-        return None
 
     @property
     def _place(self) -> PointEstimate:
@@ -161,9 +154,9 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     @property
     def gate_share(self) -> GateShare:
         """The share of this target in the gate's variance."""
-        apparent, scatter = self.predicted or self.apparent, self.scatter.variance
-        nn, _, ee = apparent.noise
-        north, east = apparent.shared
+        predicted, scatter = self.predicted, self.scatter.variance
+        nn, _, ee = predicted.noise
+        north, east = predicted.shared
         return GateShare(nn + scatter, ee + scatter, north, east)
 
     def gate_share_of(self, fix: GroundFix) -> GateShare:
@@ -174,7 +167,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     def predict(self, host_ns: HostNs) -> Self:
         """The state at a later instant: the target stays, the error of the vehicle's position wanders on."""
-        return replace(self, host_ns=host_ns, predicted=self.before(host_ns))
+        return replace(self, host_ns=host_ns, predicted=self._predicted(host_ns), now=None)
 
     def jumped(self, jump_m: float) -> Self:
         """The state after a jump of the vehicle's position by up to ``jump_m`` along each axis."""
@@ -183,7 +176,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         variance = jump_m * jump_m
         apparent = self.apparent.with_noise((variance, 0.0, variance))
         wandering = self.wandering.with_jump(variance)
-        return replace(self, apparent=apparent, predicted=None, fresh=None, wandering=wandering)
+        return replace(self, apparent=apparent, predicted=apparent, fresh=None, wandering=wandering)
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
@@ -191,8 +184,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
         """Gating statistics of several fixes."""
-        errors, place = self.model.errors, self.predicted or self.apparent
-        return gate_results(place, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
+        errors = self.model.errors
+        return gate_results(self.predicted, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
 
     @property
     def nonlinear(self) -> bool:
@@ -204,19 +197,21 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
         The vehicle's position has wandered since the last fix, by as much for all targets: two more sensitivities.
         """
-        own, (nn, _, _) = self.apparent, (self.predicted or self.apparent).noise
+        own, (nn, _, _) = self.apparent, self.predicted.noise
         found = own.innovation(self.model.errors.prepared(fix))
         (d_n, d_e), wandered = found.shared, sqrt(max(0.0, nn - own.noise[0]))
         shared = ((*d_n, wandered, 0.0), (*d_e, 0.0, wandered))
         return SharedInnovation(found.north_m, found.east_m, shared, found.noise)
 
     def before(self, host_ns: HostNs) -> PointEstimate:
-        """The apparent place predicted to an instant: the error of the vehicle's position has wandered on.
+        """The apparent place at an instant."""
+        return self.predicted if host_ns == self.host_ns else self._predicted(host_ns)
+
+    def _predicted(self, host_ns: HostNs) -> PointEstimate:
+        """The apparent place predicted from the last fix: the error of the vehicle's position has wandered on.
 
         The first second of a flight shows nothing of how it wanders: the wider claim holds.
         """
-        if self.predicted is not None and host_ns == self.host_ns:
-            return self.predicted
         nn, _, ee = self.apparent.noise
         since_s = s_from_ns(host_ns - self.fixed_ns)
         smooth_share = 0.0 if self.wander_evidence is None else self.wander_evidence.smooth_share
@@ -233,17 +228,14 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         """
         if wander == self.wander:
             return self
-        state = replace(self, wander=wander, predicted=None)
+        state = replace(self, wander=wander)
         if self.wander.sigma_m == 0.0 or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
-            return state
+            return replace(state, predicted=state._predicted(self.host_ns))
         known = self.wandering or first_place(self.apparent, self.wander)
         variance, place = wander.sigma_m**2, known.estimate
         apparent = place.with_noise((variance, 0.0, variance))
-        return replace(state, apparent=apparent, fresh=None, wandering=known.with_fresh_error(wander))
-
-    def with_wander_evidence(self, evidence: WanderEvidence) -> Self:
-        """The state with what the targets of the vehicle show together."""
-        return replace(self, wander_evidence=evidence)
+        state = replace(state, apparent=apparent, fresh=None, wandering=known.with_fresh_error(wander))
+        return replace(state, predicted=state._predicted(self.host_ns))
 
     def placed(
         self, measurement: Measurement, noise: Matrix3, host_ns: HostNs
@@ -260,7 +252,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         fresh = first_mean(measurement, noise) if fresh is None else fresh.with_fix(measurement, noise)
         if since_s < STEP_S:
             return wandering, fresh, self.placed_ns, evidence
-        wandering = wandering.update(fresh.place, self.wander, since_s, fresh.estimate)
+        wandering = wandering.update(fresh.place, self.wander, since_s, fresh.mean)
         densities = self.wander.quick_density, self.wander.smooth_density
         return wandering, None, host_ns, evidence.with_means(wandering.means, *densities, host_ns)
 
@@ -274,10 +266,7 @@ def apart_at(fix: GroundFix) -> HostNs:
     return HostNs(sighting.frame_host_ns + ns_from_s(STEP_S * (1.0 + SPREAD * sighting.index % 1.0)))
 
 
-def with_down(place: PointEstimate | RelativeEstimate, down: DownEstimate) -> Matrix3:
-    """The covariance of a point and its height, NED, m^2."""
-    (nn, ne, ee), d = place.cov, down.shared
-    if not any(d):
-        return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down.variance))
-    nd, ed = place.down_cov if isinstance(place, RelativeEstimate) else place.along(d)
-    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, down.variance + inner(d, d)))
+def with_down(cov: Symmetric2, down_cov: tuple[float, float], down: DownEstimate) -> Matrix3:
+    """The covariance of a point and its height, NED, m^2. ``down_cov``: of north and east with the height."""
+    (nn, ne, ee), (nd, ed) = cov, down_cov
+    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, down.variance + hypot(*down.shared) ** 2))

@@ -14,14 +14,16 @@ ratio is then decided for the right kind after 3 to 25 s; with the biases as noi
 
 from __future__ import annotations
 
-from math import exp, log
-from operator import mul
+from math import exp
 from typing import TypeAlias
 
 import msgspec
+from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import Row, Symmetric2, gram
+from fwav_companion.geometry.small_matrices import gram
 from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
+from fwav_companion.tracking.filters.base import SharedInnovation
+from fwav_companion.tracking.filters.bias_estimate import BiasEstimate, prior_biases
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
 STEP_S = 1.0
@@ -50,47 +52,15 @@ Mean: TypeAlias = tuple[PointEstimate, float]
 """Mean of the fixes of a second, and the interval since the one before, seconds."""
 
 
-class Hypothesis(msgspec.Struct, frozen=True, gc=False):
-    """The biases over their sigmas by the second differences so far, under one kind of wander."""
-
-    mean: Row
-    cov: tuple[Row, ...]
-
-    def update(
-        self, off: tuple[float, float], rows: tuple[Row, Row], noise: Symmetric2, since_s: float
-    ) -> tuple[Hypothesis, float, float]:
-        """The biases after an interval and one more second difference, the logarithm of its likelihood up to a
-        constant, and its normalised square. ``rows``: of J sigma.
-
-        In the interval the biases return toward their priors, as a first-order process does.
-        """
-        (of_n, of_e), (nn, ne, ee), kept = rows, noise, exp(-since_s / BIAS_TIME_S)
-        kept2, fresh = kept * kept, 1.0 - kept * kept
-        by_n = [kept2 * sum(map(mul, row, of_n)) + fresh * own for row, own in zip(self.cov, of_n, strict=True)]
-        by_e = [kept2 * sum(map(mul, row, of_e)) + fresh * own for row, own in zip(self.cov, of_e, strict=True)]
-        nn, ne, ee = nn + sum(map(mul, of_n, by_n)), ne + sum(map(mul, of_n, by_e)), ee + sum(map(mul, of_e, by_e))
-        n, e = off[0] - kept * sum(map(mul, of_n, self.mean)), off[1] - kept * sum(map(mul, of_e, self.mean))
-        area2 = nn * ee - ne * ne
-        gains = [((a * ee - b * ne) / area2, (b * nn - a * ne) / area2) for a, b in zip(by_n, by_e, strict=True)]
-        cov = []
-        for i, (row, (a, b)) in enumerate(zip(self.cov, gains, strict=True)):
-            after = [kept2 * p - a * x - b * y for p, x, y in zip(row, by_n, by_e, strict=True)]
-            after[i] += fresh
-            cov.append(tuple(after))
-        mean = tuple([kept * x + a * n + b * e for x, (a, b) in zip(self.mean, gains, strict=True)])
-        nis = (ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2
-        return Hypothesis(mean, tuple(cov)), -0.5 * (log(area2) + nis), nis
-
-
 class WanderEvidence(msgspec.Struct, frozen=True, gc=False):
     """Log-odds of a smooth error over a first-order one. Immutable."""
 
     score: float = PRIOR_SCORE
     until_ns: HostNs = HostNs(0)
     """Instant of the last second difference; 0 before the first."""
-    smooth: Hypothesis | None = None
-    """None before the first second difference."""
-    quick: Hypothesis | None = None
+    smooth: BiasEstimate | None = None
+    """The biases by the second differences so far under either kind of wander; None before the first."""
+    quick: BiasEstimate | None = None
 
     @property
     def smooth_share(self) -> float:
@@ -107,21 +77,22 @@ class WanderEvidence(msgspec.Struct, frozen=True, gc=False):
         """
         if len(means) < 3 or host_ns < self.until_ns + ns_from_s(STEP_S):
             return self
-        (_, _), (_, last_s), (_, interval_s) = means
+        (oldest, _), (middle, last_s), (newest, interval_s) = means
         ratio = interval_s / last_s
-        off, rows, noise = _second_difference(means[2][0], means[1][0], means[0][0], ratio)
-        smooth, quick = self.smooth, self.quick
-        if smooth is None or quick is None:
-            smooth = quick = _prior(len(rows[0]))
-        by_smooth = _with_variance(noise, smooth_density * interval_s**3)
-        by_quick = _with_variance(noise, 0.5 * quick_density * (interval_s + ratio * ratio * last_s))
-        since_s = s_from_ns(host_ns - self.until_ns)  # before the first, from which the priors do not change
-        smooth, for_smooth, _ = smooth.update(off, rows, by_smooth, since_s)
-        quick, for_quick, nis = quick.update(off, rows, by_quick, since_s)
-        if nis > MOST_NIS:
-            return msgspec.structs.replace(self, until_ns=host_ns)
-        score = self.score + SHARE * (for_smooth - for_quick)
-        return WanderEvidence(max(-MOST_SCORE, min(MOST_SCORE, score)), host_ns, smooth, quick)
+        innovation = _second_difference(newest, middle, oldest, ratio)
+        unknown = prior_biases(len(innovation.shared[0]))
+        # Before the first there is no interval; priors do not change in any.
+        left = (exp(-s_from_ns(host_ns - self.until_ns) / BIAS_TIME_S),) * len(unknown.mean)
+        smooth, quick = (self.smooth or unknown).decayed(left), (self.quick or unknown).decayed(left)
+        smooth_variance = smooth_density * interval_s**3
+        quick_variance = 0.5 * quick_density * (interval_s + ratio * ratio * last_s)
+        by_smooth = smooth.residual(_with_variance(innovation, smooth_variance))
+        by_quick = quick.residual(_with_variance(innovation, quick_variance))
+        if by_quick.nis > MOST_NIS:
+            return replace(self, until_ns=host_ns)
+        score = self.score + SHARE * (by_smooth.log_likelihood - by_quick.log_likelihood)
+        score = max(-MOST_SCORE, min(MOST_SCORE, score))
+        return WanderEvidence(score, host_ns, smooth.update(by_smooth), quick.update(by_quick))
 
 
 NO_EVIDENCE = WanderEvidence()
@@ -135,8 +106,8 @@ def with_mean(means: tuple[Mean, ...], mean: PointEstimate, interval_s: float) -
 
 def _second_difference(
     newest: PointEstimate, middle: PointEstimate, oldest: PointEstimate, ratio: float
-) -> tuple[tuple[float, float], tuple[Row, Row], Symmetric2]:
-    """Newest less the extrapolation of the others; its rows of J sigma, and its noise. ``ratio``: of the intervals."""
+) -> SharedInnovation:
+    """Newest less the extrapolation of the others. ``ratio``: of the intervals."""
     twice = 1.0 + ratio
     nn, ne, ee = (
         a + twice * twice * b + ratio * ratio * c
@@ -148,17 +119,14 @@ def _second_difference(
     )
     b_nn, b_ne, b_ee = gram(of_n, of_e)
     share2 = BIAS_SHARE**2
-    noise = (nn + share2 * b_nn, ne + share2 * b_ne, ee + share2 * b_ee)
-    north_m = newest.north_m - twice * middle.north_m + ratio * oldest.north_m
-    east_m = newest.east_m - twice * middle.east_m + ratio * oldest.east_m
-    return (north_m, east_m), (of_n, of_e), noise
-
-
-def _prior(count: int) -> Hypothesis:
-    return Hypothesis(
-        (0.0,) * count, tuple(tuple([1.0 if i == j else 0.0 for j in range(count)]) for i in range(count))
+    return SharedInnovation(
+        newest.north_m - twice * middle.north_m + ratio * oldest.north_m,
+        newest.east_m - twice * middle.east_m + ratio * oldest.east_m,
+        (of_n, of_e),
+        (nn + share2 * b_nn, ne + share2 * b_ne, ee + share2 * b_ee),
     )
 
 
-def _with_variance(noise: Symmetric2, more: float) -> Symmetric2:
-    return (noise[0] + more, noise[1], noise[2] + more)
+def _with_variance(innovation: SharedInnovation, more: float) -> SharedInnovation:
+    nn, ne, ee = innovation.noise
+    return replace(innovation, noise=(nn + more, ne, ee + more))

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.small_matrices import Symmetric2
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
 
 
@@ -27,6 +28,13 @@ class Transition(msgspec.Struct, frozen=True):
     matrix: Array
     noise: Array
     """Covariance of the fresh noise."""
+
+    def beside_place(self) -> Transition:
+        """The transition of a place that stays, and of the shared errors."""
+        still = len(self.matrix) + 2
+        matrix, noise = np.eye(still), np.zeros((still, still))
+        matrix[2:, 2:], noise[2:, 2:] = self.matrix, self.noise
+        return Transition(matrix, noise)
 
 
 class Correction(msgspec.Struct, frozen=True):
@@ -38,25 +46,31 @@ class Correction(msgspec.Struct, frozen=True):
     noise: Array
     """Covariance R of the noise."""
 
+    def beside_place(self) -> Correction:
+        """The measurement of a place, which it does not show, and of the shared errors."""
+        return Correction(self.measured, np.hstack((np.zeros((len(self.rows), 2)), self.rows)), self.noise)
+
 
 UNKNOWN_M = 100.0
 """One sigma of a place that is not known: hardly any information, and no loss by rounding."""
 Step: TypeAlias = Transition | Correction
 
 
-def updated(state: tuple[Array, Array], measurement: Correction, estimated: Array) -> tuple[Array, Array]:
-    """Mean and covariance after a measurement that moves the estimated states alone, in Joseph's form.
+def stepped(state: tuple[Array, Array], step: Step, estimated: Array) -> tuple[Array, Array]:
+    """Mean and covariance after a step; a measurement moves the estimated states alone, in Joseph's form.
 
     ``estimated``: 0 for what is considered and not estimated, else 1.
     """
     mean, cov = state
-    rows = measurement.rows
+    if isinstance(step, Transition):
+        return step.matrix @ mean, step.matrix @ cov @ step.matrix.T + step.noise
+    rows = step.rows
     crossed = rows @ cov
-    innovation_cov = crossed @ rows.T + measurement.noise
+    innovation_cov = crossed @ rows.T + step.noise
     gain = estimated[:, None] * np.linalg.solve(innovation_cov, crossed).T
     moved = gain @ crossed
     cov = cov + gain @ innovation_cov @ gain.T - moved - moved.T
-    return mean + gain @ (measurement.measured - rows @ mean), np.asarray(0.5 * (cov + cov.T))
+    return mean + gain @ (step.measured - rows @ mean), np.asarray(0.5 * (cov + cov.T))
 
 
 class JointPlace(msgspec.Struct, frozen=True):
@@ -75,54 +89,23 @@ class JointPlace(msgspec.Struct, frozen=True):
         return self.mean[:2]
 
     @property
-    def shared(self) -> tuple[Array, Array]:
-        """Mean and covariance of this target's copy of the shared errors."""
-        return self.mean[2:], self.cov[2:, 2:]
-
-    @property
     def horizontal(self) -> Symmetric2:
         """The covariance of the place by every source, m^2."""
         return float(self.cov[0, 0]), float(self.cov[0, 1]), float(self.cov[1, 1])
 
     def after(self, step: Step) -> JointPlace:
         """The place after a step of the shared errors."""
-        if isinstance(step, Transition):
-            return self._later(step)
-        rows = np.hstack((np.zeros((len(step.rows), 2)), step.rows))
-        return self._updated(Correction(step.measured, rows, step.noise))
+        return self.update(step.beside_place())
 
-    def update(self, fix: Correction) -> JointPlace:
-        """The place after a fix, whose rows are those of the place, then of the shared errors."""
-        return self._updated(fix)
-
-    def _later(self, step: Transition) -> JointPlace:
-        mean, cov = self.mean.copy(), self.cov.copy()
-        mean[2:] = step.matrix @ mean[2:]
-        cov[:2, 2:] = cov[:2, 2:] @ step.matrix.T
-        cov[2:, :2] = cov[:2, 2:].T
-        cov[2:, 2:] = step.matrix @ cov[2:, 2:] @ step.matrix.T + step.noise
-        return JointPlace(mean, cov, self.estimated)
-
-    def _updated(self, measurement: Correction) -> JointPlace:
-        return JointPlace(*updated((self.mean, self.cov), measurement, self.estimated), self.estimated)
+    def update(self, step: Step) -> JointPlace:
+        """The place after a fix, whose rows are those of the place, then of the shared errors; or after any step."""
+        return JointPlace(*stepped((self.mean, self.cov), step, self.estimated), self.estimated)
 
 
-def first_joint_place(fix: Correction, shared: tuple[Array, Array], estimated: Array) -> JointPlace:
-    """The place by one fix: the place plus rows times the shared errors."""
+def unknown_place(position_ned: Vector3, shared: tuple[Array, Array], estimated: Array) -> JointPlace:
+    """A place about ``position_ned`` with hardly any information, and the mean and covariance of the shared errors."""
     mean, cov = shared
-    rows = fix.rows[:, 2:]
-    crossed = rows @ cov
-    place_cov = fix.noise + crossed @ rows.T
-    return JointPlace(
-        np.concatenate((fix.measured - rows @ mean, mean)),
-        np.block([[0.5 * (place_cov + place_cov.T), -crossed], [-crossed.T, cov]]),
-        np.concatenate((np.ones(2), estimated)),
-    )
-
-
-def unknown_place(joint: JointPlace, shared: tuple[Array, Array]) -> JointPlace:
-    """The same place with hardly any information, before its first fix."""
-    mean, cov = joint.mean.copy(), np.zeros_like(joint.cov)
-    mean[2:], cov[2:, 2:] = shared
-    cov[0, 0] = cov[1, 1] = UNKNOWN_M**2
-    return JointPlace(mean, cov, joint.estimated)
+    joint = np.zeros((len(mean) + 2,) * 2)
+    joint[0, 0] = joint[1, 1] = UNKNOWN_M**2
+    joint[2:, 2:] = cov
+    return JointPlace(np.concatenate((position_ned[:2], mean)), joint, np.concatenate((np.ones(2), estimated)))

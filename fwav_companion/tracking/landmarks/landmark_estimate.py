@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.tracking.landmarks.joint_place import Correction, Step, updated
+from fwav_companion.tracking.landmarks.joint_place import Step, stepped
 from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
 from fwav_companion.types import LandmarkAltitude, LandmarkRecord, LandmarkState
 
@@ -76,10 +76,10 @@ class LandmarkEstimate(msgspec.Struct, frozen=True):
         """Mean and covariance of the shared errors."""
         return self.mean, self.cov
 
-    def corrected(self, correction: Correction) -> Self:
-        """The state after a measurement that leaves the considered biases as they are."""
-        mean, cov = updated((self.mean, self.cov), correction, self.model.estimated)
-        return replace(self, mean=mean, cov=cov, steps=(*self.steps, correction))
+    def after(self, step: Step) -> Self:
+        """The state after a step, which the places of the targets take with it."""
+        mean, cov = stepped(self.shared, step, self.model.estimated)
+        return replace(self, mean=mean, cov=cov, steps=(*self.steps, step))
 
     def recorded(self, landmark: int, record: LandmarkRecord, sequel: Sequel | None = None) -> Self:
         """The state with another record of one landmark; with another sequel, where one is given."""

@@ -91,7 +91,7 @@ def _doubting(state: EstimateT, wrong: Sequence[int], worst: float) -> EstimateT
 
 def released(state: EstimateT, landmark: int) -> EstimateT:
     """The state without the claim of one landmark: its place is as good as unknown."""
-    return state.corrected(release(state.model, landmark))
+    return state.after(release(state.model, landmark))
 
 
 def release(model: SharedErrors, landmark: int) -> Correction:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -24,7 +25,7 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting, PoseHistory
-from fwav_companion.tracking.landmarks.joint_place import Correction, Transition, updated
+from fwav_companion.tracking.landmarks.joint_place import Correction, Transition, stepped
 from fwav_companion.tracking.landmarks.landmark_estimate import IN_A_ROW, LandmarkEstimate, Sequel
 from fwav_companion.tracking.landmarks.landmark_examination import examined
 from fwav_companion.tracking.landmarks.ray_measurement import CameraPath, first_path, ray_measurement
@@ -60,7 +61,20 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
     examined_ns: HostNs = HostNs(0)
     history: PoseHistory = PoseHistory()
 
-    def predicted(self, view: FrameView) -> LandmarkFilter:
+    @classmethod
+    def start(cls, model: SharedErrors, state_at: StateAt | None = None) -> Self:
+        """The state before the first frame."""
+        return cls(
+            model=model,
+            mean=np.zeros(model.size),
+            cov=model.prior(model.position_sigma_m),
+            sigma_m=model.position_sigma_m,
+            records=tuple(LandmarkRecord(landmark.label) for landmark in model.landmarks),
+            history=PoseHistory(state_at),
+            sequels=(None,) * len(model.landmarks),
+        )
+
+    def predicted(self, view: FrameView) -> Self:
         """The state at the instant of a frame."""
         state = replace(self, steps=())
         fixes = (*view.fixes, *(sight.fix for sight in view.landmarks))
@@ -68,13 +82,14 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
             sighting = fixes[0].sighting
             path = first_path(sighting) if self.path is None else self.path.after(sighting)
             history = self.history.after(sighting, self.model.attitude_noise)
-            state = replace(state._by_receiver(self.model.sigma_at(fixes[0])), path=path, history=history)
+            wander = self.model.own.model.wander_at(fixes[0])
+            state = replace(state._by_receiver(wander.sigma_m), path=path, history=history)
         if self.host_ns is None or view.host_ns <= self.host_ns:
             return replace(state, host_ns=self.host_ns or view.host_ns)
         state = state._later(view.host_ns)
         return state.position_jumped(view.jumped_m**2) if view.jumped_m else state
 
-    def seen(self, sights: Sequence[LandmarkSight]) -> LandmarkFilter:
+    def seen(self, sights: Sequence[LandmarkSight]) -> Self:
         """The state after the sights of this instant, at most one of each landmark."""
         state = replace(self, steps=())
         for sight in sights:
@@ -85,26 +100,26 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
             state = replace(examined(state), examined_ns=now_ns)
         return state
 
-    def position_jumped(self, variance: float) -> LandmarkFilter:
+    def position_jumped(self, variance: float) -> Self:
         """The state with the vehicle's position free to have moved by ``variance``, m^2 an axis."""
         first, last = self.model.wander.start, self.model.wander.stop
         noise = np.zeros_like(self.cov)
         errors = np.arange(first, last, 2)
         noise[errors, errors] = variance / ((last - first) // 4) if first < last else 0.0
-        return replace(self._moved(Transition(np.eye(self.model.size), noise)), path=None)
+        return replace(self.after(Transition(np.eye(self.model.size), noise)), path=None)
 
     # Time.
 
-    def _later(self, host_ns: HostNs) -> LandmarkFilter:
+    def _later(self, host_ns: HostNs) -> Self:
         model, wander = self.model, self.model.wander
         step = model.transition(self.host_ns or host_ns, host_ns)
         matrix, noise = np.eye(model.size), np.zeros_like(self.cov)
         matrix[wander, wander] = step
         stationary = np.diag(model.stationary(self.sigma_m))
         noise[wander, wander] = stationary - step @ stationary @ step.T
-        return replace(self._moved(Transition(matrix, noise)), host_ns=host_ns)
+        return replace(self.after(Transition(matrix, noise)), host_ns=host_ns)
 
-    def _by_receiver(self, sigma_m: float) -> LandmarkFilter:
+    def _by_receiver(self, sigma_m: float) -> Self:
         """The state by a receiver of another accuracy: a better one has errors of its own, a worse one's grow."""
         if sigma_m == self.sigma_m:
             return self
@@ -113,26 +128,18 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         keep = np.ones(self.model.size)
         keep[self.model.altitude : self.model.wander.stop] = 0.0
         prior = np.diag((1.0 - keep) * np.diag(self.model.prior(sigma_m)))
-        return replace(self._moved(Transition(np.diag(keep), prior)), sigma_m=sigma_m)
-
-    def _moved(self, step: Transition) -> LandmarkFilter:
-        return replace(
-            self,
-            mean=step.matrix @ self.mean,
-            cov=step.matrix @ self.cov @ step.matrix.T + step.noise,
-            steps=(*self.steps, step),
-        )
+        return replace(self.after(Transition(np.diag(keep), prior)), sigma_m=sigma_m)
 
     # Sights.
 
-    def _with_sight(self, sight: LandmarkSight) -> LandmarkFilter:
+    def _with_sight(self, sight: LandmarkSight) -> Self:
         landmark, prepared = sight.landmark, self._prepared(sight, self.mean)
         if self.records[landmark].used < IN_A_ROW:
             prepared = self._iterated(sight, prepared)
         sequel, correction, record = prepared.sequel, prepared.correction, self.records[landmark]
         if prepared.nis <= GATE:
             after = replace(record, state=LandmarkState.USED, used=record.used + 1)
-            return self.corrected(correction).recorded(landmark, after, replace(sequel, in_a_row=0))
+            return self.after(correction).recorded(landmark, after, replace(sequel, in_a_row=0))
         off_m = prepared.off_m
         record = replace(record, refused=record.refused + 1, off_m=off_m)
         if sequel.in_a_row + 1 < IN_A_ROW:
@@ -141,7 +148,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         if record.used >= IN_A_ROW:  # what agreed has not moved: the vehicle's position has
             return state.position_jumped(off_m**2).recorded(landmark, replace(record, used=0))
         used = replace(record, state=LandmarkState.USED)
-        with_it = examined(state.corrected(correction).recorded(landmark, used, sequel), at_once=True)
+        with_it = examined(state.after(correction).recorded(landmark, used, sequel), at_once=True)
         decided = any(
             now.state is not before.state
             for now, before in zip(with_it.records, state.records, strict=True)
@@ -158,7 +165,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         """
         prepared = first
         for _ in range(ITERATIONS):
-            mean, _ = updated((self.mean, self.cov), prepared.correction, self.model.estimated)
+            mean, _ = stepped(self.shared, prepared.correction, self.model.estimated)
             prepared = self._prepared(sight, mean)
         return replace(prepared, nis=first.nis, off_m=first.off_m)
 
@@ -190,16 +197,3 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
     def pose(self, sighting: Sighting) -> DelayedSighting:
         """The sighting by the pose at the estimated delay."""
         return self.history.delayed(sighting, self.model.late_s(sighting, self.mean))
-
-
-def landmark_filter(model: SharedErrors, state_at: StateAt | None = None) -> LandmarkFilter:
-    """The state before the first frame."""
-    return LandmarkFilter(
-        model=model,
-        mean=np.zeros(model.size),
-        cov=model.prior(model.position_sigma_m),
-        sigma_m=model.position_sigma_m,
-        records=tuple(LandmarkRecord(landmark.label) for landmark in model.landmarks),
-        history=PoseHistory(state_at),
-        sequels=(None,) * len(model.landmarks),
-    )

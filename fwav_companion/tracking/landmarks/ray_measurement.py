@@ -14,7 +14,7 @@ import numpy as np
 from fwav_companion.geometry.rotations import exp, matrix_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, norm, scale, subtract, transform
-from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.arrays import Array, skew
 from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting
 from fwav_companion.tracking.landmarks.joint_place import Correction
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
@@ -113,7 +113,7 @@ def ray_measurement(
     distance_m = max(float(np.linalg.norm(smooth)), LEAST_DISTANCE_M)
     across = _across(ray)
     by_point = across @ (np.eye(3) - np.outer(smooth, smooth) / distance_m**2) @ turned / distance_m
-    rows = model.direction_rows(sighting, -across @ _skew(smooth / distance_m), by_point)
+    rows = model.direction_rows(sighting, -across @ skew(smooth / distance_m), by_point)
     noise = _noise(model, fix, across, since_s) + _bend(model, rows, since_s)
     return RayMeasurement(across @ (ray - expected), rows, by_point, noise)
 
@@ -141,8 +141,3 @@ def _across(ray: Array) -> Array:
     first = np.cross(ray, (0.0, 0.0, 1.0) if abs(ray[2]) < 0.9 else (1.0, 0.0, 0.0))
     first /= np.linalg.norm(first)
     return np.stack((first, np.cross(ray, first)))
-
-
-def _skew(v: Array) -> Array:
-    x, y, z = v
-    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))

@@ -14,7 +14,6 @@ its place by 1.5 to 2 times. A target on the home surface depends on the first a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
 
 import numpy as np
 
@@ -22,8 +21,9 @@ from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, transform
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
-from fwav_companion.tracking.filters.position_wander import PositionWander, position_wander
+from fwav_companion.tracking.filters.consider_biases import Measurement
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.filters.position_wander import process_step
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Landmark, Sighting
 
 ALTITUDE_SHARE = 2.0
@@ -40,16 +40,17 @@ class SharedErrors:
     """Layout, priors and dynamics of the shared errors. Immutable."""
 
     def __init__(self, priors: ErrorPriors, landmarks: Sequence[Landmark]) -> None:
-        self.errors = ConsiderBiases(priors, wandering=False)
+        self.own = StaticKalman(priors)
+        """The filter of a target alone."""
+        self.errors = self.own.model.errors
         self.landmarks = tuple(landmarks)
         self.attitude_noise = priors.attitude_noise
         """One sigma of an attitude about each axis, fresh in each, radians."""
-        north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
-        self.position_sigma_m = sqrt(0.5 * (north * north + east * east))
+        self._wander = self.own.model.wander
+        self.position_sigma_m = self._wander.sigma_m
         """One sigma of the position where the receiver has no word of its own, metres an axis."""
-        self._times_s = priors.position_times_s
-        self._unit = (north, east)
-        processes = len(self._times_s)
+        self._unit_m = priors.sigma(Bias.POSITION_NORTH)
+        processes = len(self._wander.rates)
         self.biases = slice(0, self.errors.count)
         self.altitude = self.errors.count
         self.wander = slice(self.altitude + 1, self.altitude + 1 + 4 * processes)
@@ -83,24 +84,24 @@ class SharedErrors:
 
     def stationary(self, sigma_m: float) -> Array:
         """The variances of the wander's states that it has in the long run."""
-        wander = self._process(sigma_m)
-        each = wander.variance_each
-        return np.array([variance for rate in wander.rates for variance in (each, each * rate * rate)] * 2)
+        variances = np.array(self._wander.prior_variances * 2)
+        return variances * (sigma_m / self.position_sigma_m) ** 2 if self.position_sigma_m else variances
 
     def transition(self, from_ns: HostNs, to_ns: HostNs) -> Array:
         """The transition of the wander's states: critically damped second-order processes."""
         t = s_from_ns(to_ns - from_ns)
         step = np.zeros((self.wander.stop - self.wander.start,) * 2)
-        for i, rate in enumerate(self._process(self.position_sigma_m).rates * 2):
-            decay = np.exp(-rate * t)
-            block = ((1.0 + rate * t, t), (-rate * rate * t, 1.0 - rate * t))
-            step[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = decay * np.array(block)
+        for i, rate in enumerate(self._wander.rates * 2):
+            ee, er, re, rr = process_step(rate, t)
+            step[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = ((ee, er), (re, rr))
         return step
 
     def rows(self, measurement: Measurement, fix: GroundFix) -> Array:
         """(2, size) d(north, east)/d(shared errors) of a fix."""
         rows = np.zeros((2, self.size))
         rows[0, self.biases], rows[1, self.biases] = measurement.shared[:2]
+        if self.errors.curved is not None:  # the delay is estimated
+            rows[:, self.errors.curved] = 0.0
         if self.position_sigma_m > 0.0:
             for k, bias in enumerate((Bias.POSITION_NORTH, Bias.POSITION_EAST)):
                 column = np.array(fix.bias_jacobian[bias][:2]) * self._unscaled(fix)
@@ -173,15 +174,7 @@ class SharedErrors:
         first = self.wander.start + axis * self._axis
         return slice(first, first + self._axis, 2)
 
-    def sigma_at(self, fix: GroundFix) -> float:
-        """One sigma of the position at a fix by the receiver's own word, else the configured one."""
-        by_receiver = fix.sighting.state.position_bias_m
-        return self.position_sigma_m if by_receiver is None or self.position_sigma_m == 0.0 else by_receiver
-
     def _unscaled(self, fix: GroundFix) -> float:
         """The factor to the columns of the position: those of a fix are per sigma of the receiver's word."""
         by_receiver = fix.sighting.state.position_bias_m
-        return self._unit[0] / by_receiver if by_receiver else 1.0
-
-    def _process(self, sigma_m: float) -> PositionWander:
-        return position_wander(sigma_m, self._times_s)
+        return self._unit_m / by_receiver if by_receiver else 1.0
