@@ -25,7 +25,7 @@ def parser_of(monkeypatch, words: list[str]) -> argparse.ArgumentParser:
         raise ParsedError(self)
 
     with monkeypatch.context() as patched:
-        patched.setattr(argparse.ArgumentParser, "parse_args", caught)
+        patched.setattr(argparse.ArgumentParser, "parse_known_args", caught)
         with pytest.raises(ParsedError) as parsed:
             main(words)
     parser: argparse.ArgumentParser = parsed.value.args[0]
