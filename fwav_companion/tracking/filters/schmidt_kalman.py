@@ -236,8 +236,9 @@ def relative_estimate(
     a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
     if by_delay is not None:
         i, n, e = by_delay
-        (c_n, c_e), (j_n, j_e) = (row[i] for row in innovation.of_point), (row[i] for row in innovation.of_fix)
-        by_n, by_e = j_n - c_n, j_e - c_e
+        (of_point_n, of_point_e), (of_fix_n, of_fix_e) = innovation.of_point, innovation.of_fix
+        c_n, c_e = of_point_n[i], of_point_e[i]
+        by_n, by_e = of_fix_n[i] - c_n, of_fix_e[i] - c_e
         a, b, c, d = a + n * by_n, b + n * by_e, c + e * by_n, d + e * by_e
         nn, ne, ee = nn + n * (n - 2.0 * c_n), ne + n * e - n * c_e - e * c_n, ee + e * (e - 2.0 * c_e)
     (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee) = before.noise, innovation.noise
