@@ -47,23 +47,23 @@ def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Itera
             yield file
         return
     real = Path(os.path.realpath(path))  # replace the target of a symbolic link, not the link
-    beside = real.with_name(f".{real.name[:LONGEST_STEM]}.{os.getpid()}")
+    temporary_path = real.with_name(f".{real.name[:LONGEST_STEM]}.{os.getpid()}")
     if mode is None and before is not None:
         mode = stat.S_IMODE(before.st_mode)
     if before is not None and not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-    temporary = _temporary(beside, path, mode)
+    temporary = _temporary(temporary_path, path, mode)
     try:
         with temporary as file:
             yield file
             file.flush()
             if synced:
                 os.fsync(file.fileno())
-        beside.replace(real)
+        temporary_path.replace(real)
         if synced:
             _sync_folder(real.parent)
     except BaseException as error:  # Ctrl-C too
-        beside.unlink(missing_ok=True)
+        temporary_path.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename is None:  # as for a full disk
             error.filename = str(path)
         raise
@@ -96,13 +96,13 @@ def created(path: Path, mode: int = 0o666) -> BinaryIO:
     return open(descriptor, "ab", buffering=0)  # noqa: PTH123 (a descriptor, not a path)
 
 
-def _temporary(beside: Path, path: Path, mode: int | None) -> BinaryIO:
+def _temporary(temporary_path: Path, path: Path, mode: int | None) -> BinaryIO:
     """The temporary file, created by this process: not a link, nor a file that another one prepared."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
     try:
         with suppress(FileNotFoundError):
-            beside.unlink()  # left over from a killed process with this process id, as after a reboot
-        descriptor = os.open(beside, flags, 0o666 if mode is None else mode)
+            temporary_path.unlink()  # left over from a killed process with this process id, as after a reboot
+        descriptor = os.open(temporary_path, flags, 0o666 if mode is None else mode)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
     if mode is not None:

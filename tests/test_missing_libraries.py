@@ -76,7 +76,7 @@ def test_without_any_of_them_a_flight_is_served_checked_and_replayed(tmp_path: P
         "from fwav_companion.service.daemon import Service\n"
         "import fwav_companion.tools.doctor.examination, fwav_companion.tools.doctor.gathering\n"
         "config = load('fwav-companion.toml')\n"
-        "Service(config, load_calibration(config), None, elevation=(), beside_recording={})\n"
+        "Service(config, load_calibration(config), None, elevation=(), extra_files={})\n"
         "words = ['--telemetry', 'telemetry.tlog', '--detections', 'detections.jsonl', '--out', 'targets.jsonl']\n"
         "sys.exit(main(['replay', *words, '--config', 'fwav-companion.toml', '--report', 'report']))"
     )

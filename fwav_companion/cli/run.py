@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     import asyncio
 
     from fwav_companion.config import load, load_signing_key
-    from fwav_companion.service.configured_files import load_calibration, load_elevation, recording_companions
+    from fwav_companion.service.configured_files import load_calibration, load_elevation, recorded_extra_files
     from fwav_companion.service.daemon import Service
 
     config = load(arguments.config)
@@ -39,11 +39,11 @@ def run(arguments: argparse.Namespace) -> int:
     calibration = load_calibration(config) if config.localizes else None
     key = load_signing_key(config)
     elevation = load_elevation(config) if config.localizes else ()
-    beside = recording_companions(config)
+    extra_files = recorded_extra_files(config)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
 
     async def serve() -> None:
-        service = Service(config, calibration, key, elevation=elevation, beside_recording=beside)
+        service = Service(config, calibration, key, elevation=elevation, extra_files=extra_files)
         leave_the_rest_alone()
         await service.run()
 

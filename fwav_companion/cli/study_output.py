@@ -43,7 +43,7 @@ class ShownProgress:
             self._bar.stop()
 
     def total(self, flights: int) -> None:
-        """Show a bar of so many flights."""
+        """Show a bar of this number of flights."""
         if self._bar is not None:
             self._task = self._bar.add_task("flights", total=flights)
 

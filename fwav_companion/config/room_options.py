@@ -103,8 +103,8 @@ def publish_options(config: Config, calibration: Calibration | None, unit: str) 
     )
 
 
-def recording_plan(config: Config, beside: Mapping[str, bytes]) -> RecordingPlan | None:
-    """The plan of the recording; None where nothing is recorded. ``beside``: files kept with it, by name."""
+def recording_plan(config: Config, extra_files: Mapping[str, bytes]) -> RecordingPlan | None:
+    """The plan of the recording; None where nothing is recorded. ``extra_files``: files kept with it, by name."""
     record = config.record
     if not record.directory:
         return None
@@ -117,7 +117,7 @@ def recording_plan(config: Config, beside: Mapping[str, bytes]) -> RecordingPlan
             least_free_bytes=round(record.min_free_mb * BYTES_PER_MB),
             remove_oldest=record.remove_oldest,
         ),
-        beside=beside,
+        extra_files=extra_files,
     )
 
 

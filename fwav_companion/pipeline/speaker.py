@@ -17,7 +17,7 @@ class Speaker:
         self._handlers = handlers
 
     def dues(self) -> tuple[HostNs | None, ...]:
-        """Instants at which something is due, beside the heartbeats."""
+        """Instants at which something is due, besides the heartbeats."""
         components = self._components
         return (
             components.timesync.wake_at,

@@ -169,7 +169,7 @@ class Pictures:
     def tracks_about(self, host_ns: HostNs, point: tuple[float, float], reach_px: float) -> list[int]:
         """Tracks that pictures of about that instant show within reach, where the delay of the video is not exact.
 
-        The nearest alone, or all that are as near as a click can tell; what was reported since then counts, too.
+        The nearest alone, or all that are as near as a click can show; what was reported since then counts, too.
         """
         nearest: dict[int, float] = {}
         about = [marks for at, marks in self._pictures if abs(at - host_ns) <= DELAY_TOLERANCE_NS]

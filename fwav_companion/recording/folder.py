@@ -62,7 +62,7 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
     space: SpacePolicy = SpacePolicy(4096 * BYTES_PER_MB, 200 * BYTES_PER_MB, False)
     retry_s: float = 10.0
     """Interval at which a stopped recording tests whether it can continue, seconds."""
-    beside: Mapping[str, bytes] = {}
+    extra_files: Mapping[str, bytes] = {}
     """Small files that are stored with every recording, by name: configuration, camera."""
 
 
@@ -97,9 +97,9 @@ class RecordingFiles:
         """Create the next folder with the plan's small files. SpaceError if they do not fit."""
         self.end()
         if self._space is not None:
-            self._space.take(sum(map(len, self._plan.beside.values())), self._plan.directory)
+            self._space.take(sum(map(len, self._plan.extra_files.values())), self._plan.directory)
         self.folder = folder = new_folder(self._plan.directory)
-        for name, content in self._plan.beside.items():
+        for name, content in self._plan.extra_files.items():
             with created(folder / name, FILE_MODE) as file:
                 _write_all(file, content)
         self._open = {name: created(folder / name, FILE_MODE) for name in FILES}

@@ -37,7 +37,7 @@ def load_elevation(config: Config) -> tuple[ElevationTile, ...]:
     return read_elevation([config.resolve(path) for path in config.ground.terrain])
 
 
-def recording_companions(config: Config) -> dict[str, bytes]:
+def recorded_extra_files(config: Config) -> dict[str, bytes]:
     """The present configuration and camera file, by the names under which a recording stores them."""
     if not config.record.directory:
         return {}

@@ -36,12 +36,12 @@ class Service:
         signing_key: bytes | None,
         *,
         elevation: Sequence[ElevationTile],
-        beside_recording: Mapping[str, bytes],
+        extra_files: Mapping[str, bytes],
         attitudes_kept_s: float | None = None,
     ) -> None:
         """``elevation``: the tiles of [ground] terrain.
 
-        ``beside_recording``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: for a
+        ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: for a
         witness that reads the vehicle's attitudes afterwards.
         """
         self._parts = parts = make_parts(
@@ -49,7 +49,7 @@ class Service:
             calibration,
             signing_key,
             elevation=elevation,
-            beside_recording=beside_recording,
+            extra_files=extra_files,
             attitudes_kept_s=attitudes_kept_s,
         )
         self._dispatcher = Dispatcher(parts)

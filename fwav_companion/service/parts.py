@@ -58,7 +58,7 @@ def make_parts(
     signing_key: bytes | None,
     *,
     elevation: Sequence[ElevationTile],
-    beside_recording: Mapping[str, bytes],
+    extra_files: Mapping[str, bytes],
     attitudes_kept_s: float | None,
 ) -> ServiceParts:
     """The parts by the configuration and the files that it names."""
@@ -86,6 +86,6 @@ def make_parts(
         pipeline=pipeline,
         signing=signing,
         node=make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns)),
-        journal=Journal(make_recorder(config, beside_recording, pipeline, warn), clock),
+        journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock),
         arrivals=ArrivalCount(),
     )

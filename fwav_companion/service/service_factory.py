@@ -101,10 +101,10 @@ def _interpreter(config: Config, python: str) -> str:
 
 
 def make_recorder(
-    config: Config, beside: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
+    config: Config, extra_files: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
 ) -> Recorder | None:
-    """What is kept of the flight. ``beside``: files that lie with it, by name."""
-    plan = recording_plan(config, beside)
+    """What is kept of the flight. ``extra_files``: files that lie with it, by name."""
+    plan = recording_plan(config, extra_files)
     if plan is None:
         return None
     missing = missing_mount_above(plan.directory.absolute())

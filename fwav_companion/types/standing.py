@@ -9,7 +9,7 @@ from msgspec import Meta
 
 USUAL_SHARE = 0.1
 """One sigma of a height as a share of it where the configuration names none: adults are 1.7 m by 0.1 m, and detectors
-do not tell them from children."""
+do not distinguish them from children."""
 
 HeightM = Annotated[float, Meta(gt=0, le=1000)]
 

@@ -77,7 +77,7 @@ class FrameQueue:
             self._work()
 
     def spent(self, cpu_s: float, detections: int) -> None:
-        """Take the CPU time that so many detections have cost."""
+        """Take the CPU time that a number of detections have cost."""
         if detections > 0:
             self._cost_s += COST_SHARE * (cpu_s / detections - self._cost_s)
 

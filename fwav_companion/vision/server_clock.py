@@ -20,7 +20,7 @@ LEAST_SPAN_S = 20.0
 MOST_RATE = 5e-4
 """500 ppm: crystals err by 100 at most; a hull that is steeper is a network whose delay changes."""
 EARLY_S = 0.1
-"""An arrival so far before the line, by a clock that never errs by so much: the server's clock was set."""
+"""An arrival this far before the line, further than the clock errs: the server's clock was set."""
 LATE_S, LATE_PICTURES = 1.0, 30
 """Pictures in a row so late: the server's clock was set back. A network that stalls delivers again within a second."""
 

@@ -58,18 +58,18 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
         with station(site, mavproxy, "--target-system=1", "--target-component=100") as peer:
             peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
             peer.wait_for(r"Detected vehicle 1:100 on link 0", SECONDS_S)
-            peer.tell("watch CAMERA_TRACKING_GEO_STATUS")
+            peer.write_line("watch CAMERA_TRACKING_GEO_STATUS")
             peer.wait_for(r"CAMERA_TRACKING_GEO_STATUS {.*lat : 4813\d{5}", SECONDS_S)
-            peer.tell("watch CAMERA_INFORMATION")
+            peer.write_line("watch CAMERA_INFORMATION")
             for _ in range(2):  # as ground stations do: a datagram may be lost
-                peer.tell("long 512 259")
+                peer.write_line("long 512 259")
             peer.wait_for(r"CAMERA_INFORMATION {", SECONDS_S)
-            peer.tell("watch COMMAND_ACK")
+            peer.write_line("watch COMMAND_ACK")
             for line, result in (("512 259", 0), ("CAMERA_STOP_TRACKING", 0), ("40999", 3)):
                 number = {"CAMERA_STOP_TRACKING": 2010}.get(line, line.split()[0])
-                peer.tell(f"long {line}")
+                peer.write_line(f"long {line}")
                 peer.wait_for(rf"COMMAND_ACK {{command : {number}, result : {result},", SECONDS_S)
-            peer.tell("status")  # its counters of all messages, from every sender
+            peer.write_line("status")  # its counters of all messages, from every sender
             peer.wait_for(r"\d+: ATTITUDE {", SECONDS_S)  # the quaternion is only ours, and stays here
             wait_until_logged(site, ("CAMERA_INFORMATION", 100))
             peer.stop(signal.SIGINT)
@@ -101,7 +101,7 @@ def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site
             peer.wait_for("online system 1", SECONDS_S)
             service.wait_for("ready: ")
             assert "AP: ready" not in peer.said
-            peer.tell("set target_component 0")
+            peer.write_line("set target_component 0")
             assert mock.stop() == 0
             peer.wait_for("AP: autopilot lost: ", SECONDS_S)
             peer.stop(signal.SIGINT)

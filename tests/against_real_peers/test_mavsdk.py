@@ -52,12 +52,12 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
         with station(site) as peer:
             peer.wait_for(r'"system": true', SECONDS_S)
             peer.wait_for(r'"CAMERA_TRACKING_GEO_STATUS"(.|\n)*"CAMERA_TRACKING_GEO_STATUS"', SECONDS_S)
-            peer.tell(command(100, 512, 259.0))
+            peer.write_line(command(100, 512, 259.0))
             peer.wait_for(r'"answer": .*"command": 512, .*"result": 0,', SECONDS_S)
             peer.wait_for(r'"CAMERA_INFORMATION"', SECONDS_S)
-            peer.tell(command(100, 2010))
+            peer.write_line(command(100, 2010))
             peer.wait_for(r'"answer": .*"command": 2010, .*"result": 0,', SECONDS_S)
-            peer.tell(command(191, 40999))
+            peer.write_line(command(191, 40999))
             peer.wait_for(r'"answer": .*"command": 40999, .*"result": 3,', SECONDS_S)
             for component in (1, 191, 100):
                 peer.wait_for(rf'"HEARTBEAT", "component": {component},', SECONDS_S)
@@ -120,7 +120,7 @@ def test_mavsdk_gets_the_streams_that_it_asks_of_an_autopilot_that_sends_nothing
         with station(site) as peer:
             peer.wait_for(r'"system": true', SECONDS_S)
             for name, number in wanted.items():
-                peer.tell(command(1, 511, float(number), 200_000.0))
+                peer.write_line(command(1, 511, float(number), 200_000.0))
                 answers = peer.said.count('"command": 511')
                 wait_for_count(peer, '"command": 511', answers + 1)
                 wait_for_count(peer, f'"name": "{name}"', 10)

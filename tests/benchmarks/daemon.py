@@ -277,16 +277,16 @@ def measure() -> list[Figure]:
     relay = watch(camera=False)
     plain = watch()
     calibrating = watch(calibrates=True)
-    beside = "100 Hz attitude, 30 frames/s, one relay"
+    conditions = "100 Hz attitude, 30 frames/s, one relay"
     return [
         answered(EARLY_S, "detection in to MAVLink out, p99, ms"),
         answered(LATE_S, "the same where no frame waits for attitudes, p99, ms"),
         Figure("pure relay: CPU in that of a bare loop", relay.ratio, 2.5, False, str(relay)),
-        Figure("pure relay: memory, MiB", relay.rss_mib, 32.0, False, beside),
+        Figure("pure relay: memory, MiB", relay.rss_mib, 32.0, False, conditions),
         Figure("daemon with one target: CPU in that of a bare loop", plain.ratio, 4.0, False, str(plain)),
-        Figure("daemon with one target: memory, MiB", plain.rss_mib, 40.0, False, beside),
+        Figure("daemon with one target: memory, MiB", plain.rss_mib, 40.0, False, conditions),
         Figure("the same with self-calibration: CPU", calibrating.ratio, 5.0, False, str(calibrating)),
-        Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 54.0, False, beside),
+        Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 54.0, False, conditions),
     ]
 
 

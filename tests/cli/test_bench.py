@@ -71,5 +71,5 @@ def test_every_benchmark_can_be_had(monkeypatch):
     from tests.benchmarks.everything import BENCHMARKS, benchmarks
 
     assert [name for name, _ in benchmarks()] == list(BENCHMARKS)
-    beside = {path.stem for path in (PROJECT / "tests/benchmarks").glob("*.py") if "def measure(" in path.read_text()}
-    assert beside == set(BENCHMARKS)
+    measured = {path.stem for path in (PROJECT / "tests/benchmarks").glob("*.py") if "def measure(" in path.read_text()}
+    assert measured == set(BENCHMARKS)

@@ -139,7 +139,7 @@ def test_recording():
     plan = recording_plan(CONFIG, {"a": b"b"})
     assert plan is not None
     assert plan.directory == Path("/flights/one/records")
-    assert (plan.when, plan.sync_s, plan.beside) == ("armed", 0.5, {"a": b"b"})
+    assert (plan.when, plan.sync_s, plan.extra_files) == ("armed", 0.5, {"a": b"b"})
     space = plan.space
     assert (space.most_used_bytes, space.least_free_bytes, space.remove_oldest) == (10_000_000, 20_000_000, True)
     assert recording_plan(parse(TEXT.replace('directory = "records"', ""), "f.toml"), {}) is None

@@ -9,7 +9,7 @@ from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.pipeline.pipeline_factory import make_pairer
 
 BY_FILE = body_from_camera_from_euler(0.1, -1.4, 0.2)
-TOLD = (
+DESCRIBED = (
     '[camera]\ncalibration = "camera.yaml"\ntime_offset_s = 0.035\n[camera.mount]\npitch_deg = -89.0\nyaw_deg = 2.0\n'
 )
 
@@ -21,7 +21,7 @@ def pairer(text, **by_file):
 
 
 def test_lines_that_were_pasted_count_more_than_the_calibration_file():
-    pasted = pairer(TOLD, time_offset_s=0.01, body_from_camera=BY_FILE)
+    pasted = pairer(DESCRIBED, time_offset_s=0.01, body_from_camera=BY_FILE)
     assert pasted.time_offset_s == 0.035
     assert np.allclose(pasted.body_from_camera, body_from_camera_from_euler(0.0, np.radians(-89.0), np.radians(2.0)))
 

@@ -47,7 +47,7 @@ def recorded(directory, *, reported=None, **how):
 
 
 def test_what_is_written_is_on_the_disk_after_close(tmp_path):
-    recorded(tmp_path / "new" / "records", beside={"fwav-companion.toml": b"# x\n"})
+    recorded(tmp_path / "new" / "records", extra_files={"fwav-companion.toml": b"# x\n"})
     (folder,) = (tmp_path / "new" / "records").iterdir()
     assert (folder / TELEMETRY).read_bytes() == START_US.to_bytes(8, "big") + b"\xfd\x00"
     assert (folder / DETECTIONS).read_bytes() == b'{"a":1}\n'
@@ -58,7 +58,7 @@ def test_what_is_written_is_on_the_disk_after_close(tmp_path):
 def test_a_recording_is_for_its_owner_and_group(tmp_path):
     usual = os.umask(0)
     try:
-        recorded(tmp_path, beside={"fwav-companion.toml": b"# x\n"})
+        recorded(tmp_path, extra_files={"fwav-companion.toml": b"# x\n"})
     finally:
         os.umask(usual)
     (folder,) = recordings(tmp_path)

@@ -75,15 +75,17 @@ def test_two_sources_are_one_too_many(tmp_path, flown):
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["with arrivals", "without"])
+@pytest.mark.parametrize("with_arrivals", [True, False], ids=["with arrivals", "without"])
 @pytest.mark.parametrize("stamp_clock", ["time_unix", "time_boot"])
-def test_a_large_time_offset_refuses_no_frame_as_late(tmp_path, stamp_clock, told):
+def test_a_large_time_offset_refuses_no_frame_as_late(tmp_path, stamp_clock, with_arrivals):
     """The stamps of photographs come 0.9 s late, and the configuration says so."""
     options = scenario("unbiased").but(
         {"seconds": 12.0, "seed": 11, "camera.readout_s": 0.0, "camera.fps": 5.0, "camera.stamp_clock": stamp_clock}
     )
     words = recorded(tmp_path / "one", fly(options))
-    on_time, late = (_replayed(tmp_path, words, stamp_clock, late_s=late_s, told=told) for late_s in (0.0, 0.9))
+    on_time, late = (
+        _replayed(tmp_path, words, stamp_clock, late_s=late_s, with_arrivals=with_arrivals) for late_s in (0.0, 0.9)
+    )
     assert late["dropped"].get("too_late", 0) <= on_time["dropped"].get("too_late", 0)
     assert late["fixes"] >= on_time["fixes"] - 1
 
@@ -97,7 +99,7 @@ def test_stamps_of_a_clock_that_is_ahead_are_no_arrivals_from_the_future(tmp_pat
     assert ahead["fixes"] >= even["fixes"] - 1
 
 
-def _replayed(folder, words, stamp_clock, *, late_s, told=True, arrives_late=True):
+def _replayed(folder, words, stamp_clock, *, late_s, with_arrivals=True, arrives_late=True):
     """The summary of the replay of the recording with stamps that are later by so much, as configured."""
     path, lines = folder / "one/detections.jsonl", []
     first = path.read_text()
@@ -106,7 +108,7 @@ def _replayed(folder, words, stamp_clock, *, late_s, told=True, arrives_late=Tru
         if stamp_clock in frame:
             frame[stamp_clock] += late_s
             frame["received_unix"] += late_s if arrives_late else 0.0
-            if not told:
+            if not with_arrivals:
                 del frame["received_unix"]
         lines.append(json.dumps(frame))
     path.write_text("\n".join(lines) + "\n")

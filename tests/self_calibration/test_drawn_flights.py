@@ -1,4 +1,4 @@
-"""Drawn flights: time until calibrated, and the error over time beside that of a batch least-squares fit.
+"""Drawn flights: time until calibrated, and the error over time, and that of a batch least-squares fit.
 
 The fit is independent of the package: it knows the true noise, and takes all pixels so far at once. By hand, with more
 flights: ``DRAWN_FLIGHTS=200 pytest -m slow -s tests/self_calibration/test_drawn_flights.py``.

@@ -28,4 +28,4 @@ def service(tmp_path: Path) -> Service:
     """The service of a relay."""
     config = tmp_path / "relay.toml"
     config.write_text(LINKS)
-    return Service(load(str(config)), None, None, elevation=(), beside_recording={})
+    return Service(load(str(config)), None, None, elevation=(), extra_files={})

@@ -123,12 +123,12 @@ def test_the_autopilots_signed_time_is_utc(tmp_path: Path) -> None:
     store.begin(clock, HostNs(board.now_ns))
     fields = dialect.MAVLink_system_time_message(START_UNIX_NS // 1000, 5000)
 
-    def told(system: int, *, signed: bool) -> int:
+    def signed_at(system: int, *, signed: bool) -> int:
         message = Message("SYSTEM_TIME", system, 1, "a", fields, signed)
         store.on_message(message, (1, 1), HostNs(board.now_ns))
         clock.limit = 1 << 48
         return clock.tick(HostNs(board.now_ns))
 
-    assert told(1, signed=False) < 1000
-    assert told(255, signed=True) < 1000
-    assert told(1, signed=True) == timestamp_from_unix_ns(START_UNIX_NS)
+    assert signed_at(1, signed=False) < 1000
+    assert signed_at(255, signed=True) < 1000
+    assert signed_at(1, signed=True) == timestamp_from_unix_ns(START_UNIX_NS)

@@ -53,7 +53,7 @@ class Process:
         """Process id of the child."""
         return self._child.pid
 
-    def tell(self, line: str) -> None:
+    def write_line(self, line: str) -> None:
         """Write one line to its stdin."""
         assert self._child.stdin is not None
         self._child.stdin.write(line.encode() + b"\n")

@@ -87,7 +87,7 @@ class Autopilot:
     def host(self, boot_ms: float) -> HostNs:
         return HostNs(self.host_at_boot + round(boot_ms * 1e6))
 
-    def tell(self, name: str, boot_ms: float, **fields: Any) -> tuple[Any, ...]:
+    def send(self, name: str, boot_ms: float, **fields: Any) -> tuple[Any, ...]:
         """The events of this message, which are also kept in :attr:`events`."""
         if name in STAMPED:
             fields.setdefault("time_boot_ms", int(boot_ms) % 2**32)
@@ -98,7 +98,7 @@ class Autopilot:
     def attitudes(self, from_ms: int, until_ms: int, every_ms: int = 10, name: str = "ATTITUDE") -> None:
         """Send level attitudes."""
         for boot_ms in range(from_ms, until_ms, every_ms):
-            self.tell(name, boot_ms)
+            self.send(name, boot_ms)
 
 
 def pitch_deg(autopilot: Autopilot, boot_ms: float) -> float:
@@ -108,4 +108,4 @@ def pitch_deg(autopilot: Autopilot, boot_ms: float) -> float:
 def climbing(autopilot: Autopilot, until_ms: int, every_ms: int = 10) -> None:
     """Pitch rises by one degree in a second: too slowly to show whether stamps scatter."""
     for boot_ms in range(0, until_ms, every_ms):
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(boot_ms / 1000.0))
+        autopilot.send("ATTITUDE", boot_ms, pitch=radians(boot_ms / 1000.0))

@@ -26,7 +26,7 @@ def swinging(autopilot: Autopilot, scatter_ms: float, *, seed: int = 4) -> None:
     rng = random.Random(seed)
     for boot_ms in range(0, 2000, 10):
         t, w = (boot_ms - rng.uniform(0.0, scatter_ms)) * 1e-3, 10.0 * pi
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(5.0) * sin(w * t), pitchspeed=radians(5.0) * w * cos(w * t))
+        autopilot.send("ATTITUDE", boot_ms, pitch=radians(5.0) * sin(w * t), pitchspeed=radians(5.0) * w * cos(w * t))
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_the_uncertainty_of_stamps_is_reported():
 def test_the_delay_of_stamps_follows_the_autopilot(name, fields, delay_s):
     autopilot = Autopilot(attitude_stamp_delay_s="auto")
     climbing(autopilot, 500)
-    autopilot.tell(name, 500, **fields)
+    autopilot.send(name, 500, **fields)
     assert autopilot.telemetry.stamp_delay_s == pytest.approx(delay_s)
     assert [e.delay_s for e in autopilot.events if isinstance(e, StampDelay)] == (
         [delay_s] if delay_s != 0.0025 else []
@@ -94,6 +94,6 @@ def test_the_delay_of_stamps_follows_the_autopilot(name, fields, delay_s):
 
 def test_a_configured_delay_is_not_overruled():
     autopilot = Autopilot(attitude_stamp_delay_s=0.004)
-    autopilot.tell("PARAM_VALUE", 0, param_id="SCHED_LOOP_RATE", param_value=50.0)
+    autopilot.send("PARAM_VALUE", 0, param_id="SCHED_LOOP_RATE", param_value=50.0)
     assert autopilot.telemetry.stamp_delay_s == 0.004
     assert autopilot.events == []

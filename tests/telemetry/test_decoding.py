@@ -132,5 +132,5 @@ def test_no_message_content_stops_telemetry(data):
 def test_what_is_refused_is_counted():
     autopilot = Autopilot()
     autopilot.attitudes(0, 50)
-    autopilot.tell("ATTITUDE", 60, roll=nan)
+    autopilot.send("ATTITUDE", 60, roll=nan)
     assert autopilot.telemetry.status(autopilot.host(100)).refused == {"ATTITUDE": 1}

@@ -185,10 +185,10 @@ def older(name, yaw_absolute):
     for k in range(26):
         t_s = 0.2 * k
         if name == "MOUNT_STATUS":
-            told = MountStatus(-6000, 100, 2000)
+            sent = MountStatus(-6000, 100, 2000)
         else:
-            told = Orientation(round((BOOT_S + t_s) * 1e3), 1.0, -60.0, 20.0, yaw_absolute)
-        message = Message(name, 1, 1, "autopilot", told)
+            sent = Orientation(round((BOOT_S + t_s) * 1e3), 1.0, -60.0, 20.0, yaw_absolute)
+        message = Message(name, 1, 1, "autopilot", sent)
         assert gimbal.is_meant(message, 1)
         gimbal.on_older_message(message, clock, HostNs(round(t_s * 1e9)))
     return gimbal
@@ -214,8 +214,8 @@ def test_the_newer_message_replaces_the_older_ones():
     gimbal = older("MOUNT_ORIENTATION", 95.0)
     level = quaternion(Rotation.identity())
     for k in range(10):
-        told = fields(5.2 + 0.2 * k, level, device_id=1)._replace(time_boot_ms=round((BOOT_S + 5.2 + 0.2 * k) * 1e3))
-        gimbal.on_message(told, HostNs(round((5.2 + 0.2 * k) * 1e9)))
+        sent = fields(5.2 + 0.2 * k, level, device_id=1)._replace(time_boot_ms=round((BOOT_S + 5.2 + 0.2 * k) * 1e3))
+        gimbal.on_message(sent, HostNs(round((5.2 + 0.2 * k) * 1e9)))
     gimbal.on_older_message(
         Message("MOUNT_STATUS", 1, 1, "autopilot", MountStatus(-6000, 0, 0)), autopilot_clock(), HostNs(7_100_000_000)
     )
@@ -228,8 +228,8 @@ def test_one_attitude_around_a_photograph_is_enough(near_s, expected):
     """Ten seconds from photograph to photograph, and one attitude at each."""
     gimbal = Gimbal(1)
     for k in range(6):
-        told = fields(0.0, quaternion(look(0.0)), device_id=1)._replace(time_boot_ms=round((BOOT_S + 10.0 * k) * 1e3))
-        gimbal.on_message(told, HostNs(round(10e9 * k)))
+        sent = fields(0.0, quaternion(look(0.0)), device_id=1)._replace(time_boot_ms=round((BOOT_S + 10.0 * k) * 1e3))
+        gimbal.on_message(sent, HostNs(round(10e9 * k)))
     at = gimbal.at(BootNs(round((BOOT_S + 50.0 + near_s) * 1e9)), autopilot_clock(), LEVEL)
     assert isinstance(at, GimbalAt) is expected
     if expected:

@@ -25,10 +25,10 @@ from fwav_companion.types import ClockExchange, Reason, Unpaired
 def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters, missing_deg):
     """Once it is known, samples taken without it are forgotten, and no interpolation crosses the step."""
     autopilot = Autopilot()
-    autopilot.tell("HEARTBEAT", 0, type=vehicle_type)
+    autopilot.send("HEARTBEAT", 0, type=vehicle_type)
     autopilot.attitudes(0, 200)
     for name, value in parameters.items():
-        autopilot.tell("PARAM_VALUE", 200, param_id=name, param_value=value)
+        autopilot.send("PARAM_VALUE", 200, param_id=name, param_value=value)
     autopilot.attitudes(200, 400)
     assert pitch_deg(autopilot, 303.0) == pytest.approx(missing_deg, abs=1e-9)
     reported = [event.deg for event in autopilot.events if isinstance(event, PitchTrimUndone)]
@@ -40,7 +40,7 @@ def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters
 
 def test_a_quaternion_knows_no_trim():
     autopilot = Autopilot()
-    autopilot.tell("PARAM_VALUE", 0, param_id="PTCH_TRIM_DEG", param_value=5.0)
+    autopilot.send("PARAM_VALUE", 0, param_id="PTCH_TRIM_DEG", param_value=5.0)
     autopilot.attitudes(0, 200, name="ATTITUDE_QUATERNION")
     assert pitch_deg(autopilot, 103.0) == 0.0
     assert autopilot.telemetry.status(autopilot.host(200.0)).pitch_trim_undone_deg is None
@@ -50,10 +50,10 @@ def test_quaternions_are_preferred_and_the_change_leaves_no_step():
     """ATTITUDE carries a trim of 37 degrees; no interpolation may mix it with quaternions."""
     autopilot = Autopilot()
     for boot_ms in range(0, 500, 10):
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(-37.0))
+        autopilot.send("ATTITUDE", boot_ms, pitch=radians(-37.0))
     for boot_ms in range(500, 1000, 10):
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(-37.0))
-        autopilot.tell("ATTITUDE_QUATERNION", boot_ms + 5)
+        autopilot.send("ATTITUDE", boot_ms, pitch=radians(-37.0))
+        autopilot.send("ATTITUDE_QUATERNION", boot_ms + 5)
     assert [e for e in autopilot.events if isinstance(e, AttitudeSource)] == [
         AttitudeSource("ATTITUDE_QUATERNION", "ATTITUDE")
     ]
@@ -85,7 +85,7 @@ def test_a_configured_message_is_the_only_one(wanted):
 def test_a_reboot_is_reported_once_and_everything_of_the_old_clock_is_gone():
     autopilot = Autopilot()
     autopilot.attitudes(60_000, 62_000)
-    autopilot.tell("GLOBAL_POSITION_INT", 61_000)
+    autopilot.send("GLOBAL_POSITION_INT", 61_000)
     origin = autopilot.telemetry.world.plane.origin
     autopilot.host_at_boot += 65_000 * MS
     autopilot.attitudes(2000, 2020)
@@ -110,11 +110,11 @@ def test_a_reboot_in_silence():
         exchanged.append(autopilot.telemetry.on_exchange(ClockExchange(at, at + 4 * MS, BootNs((boot_ms + 2) * MS))))
 
     for boot_ms in range(1000, 5000, 100):
-        autopilot.tell("ATTITUDE", boot_ms)
+        autopilot.send("ATTITUDE", boot_ms)
         exchange(boot_ms)
     autopilot.host_at_boot += 19_000 * MS
     for boot_ms in range(6000, 7000, 100):
-        autopilot.tell("ATTITUDE", boot_ms)
+        autopilot.send("ATTITUDE", boot_ms)
         exchange(boot_ms)
     reported = [*autopilot.events, *(event for events in exchanged for event in events)]
     assert sum(isinstance(event, Rebooted) for event in reported) == 1
@@ -126,7 +126,7 @@ def test_past_the_wrap_everything_goes_on():
     wrap_ms = 2**32
     autopilot = Autopilot()
     for boot_ms in range(wrap_ms - 2000, wrap_ms + 2000, 10):
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians((boot_ms - wrap_ms) / 100.0))
+        autopilot.send("ATTITUDE", boot_ms, pitch=radians((boot_ms - wrap_ms) / 100.0))
         if boot_ms % 100 == 0:
             at = autopilot.host(boot_ms)
             autopilot.telemetry.on_exchange(ClockExchange(at, at + 4 * MS, BootNs((boot_ms + 2) * MS)))
@@ -140,7 +140,7 @@ def test_a_session_that_begins_after_the_wrap():
     wrap_ms = 2**32
     autopilot = Autopilot()
     for boot_ms in range(wrap_ms + 5000, wrap_ms + 7000, 10):
-        autopilot.tell("ATTITUDE", boot_ms)
+        autopilot.send("ATTITUDE", boot_ms)
         if boot_ms % 100 == 50:
             at = autopilot.host(boot_ms)
             autopilot.telemetry.on_exchange(ClockExchange(at, at + 4 * MS, BootNs((boot_ms + 2) * MS)))
@@ -155,7 +155,7 @@ def test_positions_between_and_beyond():
     for boot_ms in range(0, 1100, 100):
         autopilot.attitudes(boot_ms, boot_ms + 100)
         t = boot_ms * 1e-3
-        autopilot.tell("GLOBAL_POSITION_INT", boot_ms, relative_alt=round(10_000 + 1000 * t * t), vz=round(-200 * t))
+        autopilot.send("GLOBAL_POSITION_INT", boot_ms, relative_alt=round(10_000 + 1000 * t * t), vz=round(-200 * t))
     autopilot.attitudes(1100, 1300)
     for boot_ms in (150, 420, 777):
         t = (boot_ms - 0.5) * 1e-3  # a cut stamp is 0.5 ms early
@@ -168,7 +168,7 @@ def test_positions_between_and_beyond():
 
 def test_an_old_position_is_none():
     autopilot = Autopilot()
-    autopilot.tell("GLOBAL_POSITION_INT", 0)
+    autopilot.send("GLOBAL_POSITION_INT", 0)
     autopilot.attitudes(0, 3000)
     assert autopilot.telemetry.state_at(BootNs(1900 * MS)).position_ned is not None
     assert autopilot.telemetry.state_at(BootNs(2100 * MS)).position_ned is None
@@ -178,7 +178,7 @@ def test_a_position_is_as_old_as_configured():
     autopilot = Autopilot(position_delay_s=0.1)
     autopilot.attitudes(0, 1000)
     for boot_ms in range(0, 1000, 100):
-        autopilot.tell("GLOBAL_POSITION_INT", boot_ms, relative_alt=boot_ms, vz=-100)
+        autopilot.send("GLOBAL_POSITION_INT", boot_ms, relative_alt=boot_ms, vz=-100)
     state = autopilot.telemetry.state_at(BootNs(500 * MS + 500_000))
     assert state.height_above_home_m == pytest.approx(0.6, abs=1e-6)
 
@@ -186,36 +186,36 @@ def test_a_position_is_as_old_as_configured():
 def test_heights_by_preference():
     autopilot = Autopilot()
     autopilot.attitudes(0, 1000)
-    autopilot.tell("ALTITUDE", 500, altitude_relative=7.0)
+    autopilot.send("ALTITUDE", 500, altitude_relative=7.0)
     assert autopilot.telemetry.state_at(BootNs(510 * MS)).height_above_home_m == pytest.approx(7.0)
-    autopilot.tell("GLOBAL_POSITION_INT", 510, lat=0, lon=0, relative_alt=9000)
+    autopilot.send("GLOBAL_POSITION_INT", 510, lat=0, lon=0, relative_alt=9000)
     assert autopilot.telemetry.state_at(BootNs(520 * MS)).height_above_home_m == pytest.approx(9.0)
 
 
 def test_vfr_hud_needs_a_home():
     autopilot = Autopilot(position="none")
     autopilot.attitudes(0, 1000)
-    autopilot.tell("VFR_HUD", 500, alt=497.0)
+    autopilot.send("VFR_HUD", 500, alt=497.0)
     assert autopilot.telemetry.state_at(BootNs(510 * MS)).height_above_home_m is None
-    autopilot.tell("HOME_POSITION", 520)
-    autopilot.tell("VFR_HUD", 530, alt=497.0)
+    autopilot.send("HOME_POSITION", 520)
+    autopilot.send("VFR_HUD", 530, alt=497.0)
     assert autopilot.telemetry.state_at(BootNs(540 * MS)).height_above_home_m == pytest.approx(7.0)
 
 
 def test_other_sources():
     autopilot = Autopilot()
     autopilot.attitudes(0, 1000)
-    autopilot.tell("DISTANCE_SENSOR", 500, current_distance=812)
-    autopilot.tell("TERRAIN_REPORT", 500)
-    autopilot.tell("LOCAL_POSITION_NED", 500, x=3.0, vx=10.0)
-    autopilot.tell("GPS_RAW_INT", 500)
+    autopilot.send("DISTANCE_SENSOR", 500, current_distance=812)
+    autopilot.send("TERRAIN_REPORT", 500)
+    autopilot.send("LOCAL_POSITION_NED", 500, x=3.0, vx=10.0)
+    autopilot.send("GPS_RAW_INT", 500)
     state = autopilot.telemetry.state_at(BootNs(510 * MS))
     assert state.range.distance_m == pytest.approx(8.12)
     assert state.terrain_height_m == 20.0
     assert autopilot.telemetry.state_at(BootNs(800 * MS)).range is None
     assert autopilot.telemetry.local_position_at(BootNs(520 * MS + 500_000)) == pytest.approx((3.2, 0.0, 0.0))
     assert autopilot.telemetry.undulation_m == 47.0
-    autopilot.tell("TERRAIN_REPORT", 600, spacing=0)
+    autopilot.send("TERRAIN_REPORT", 600, spacing=0)
     assert autopilot.telemetry.status(autopilot.host(600)).refused == {"TERRAIN_REPORT": 1}
 
 
@@ -223,9 +223,9 @@ def test_utc_by_system_time():
     autopilot = Autopilot()
     autopilot.attitudes(0, 200)
     assert autopilot.telemetry.utc_minus_host_s is None
-    autopilot.tell("SYSTEM_TIME", 200, time_unix_usec=0)
+    autopilot.send("SYSTEM_TIME", 200, time_unix_usec=0)
     assert autopilot.telemetry.utc_minus_host_s is None
-    autopilot.tell("SYSTEM_TIME", 300, time_unix_usec=1_790_000_000_000_000)
+    autopilot.send("SYSTEM_TIME", 300, time_unix_usec=1_790_000_000_000_000)
     expected = 1_790_000_000 - autopilot.host(300.5) * 1e-9
     assert autopilot.telemetry.utc_minus_host_s == pytest.approx(expected, abs=1e-3)
 
@@ -244,7 +244,7 @@ def test_without_interpolation_ten_attitudes_a_second_are_taken_and_all_are_coun
     autopilot = Autopilot(attitudes_kept_s=0.0)
     taken: set[int] = set()
     for boot_ms in range(0, 2000, 10):
-        autopilot.tell("ATTITUDE", boot_ms)
+        autopilot.send("ATTITUDE", boot_ms)
         taken |= {sample.boot_ns for sample in autopilot.telemetry.attitudes}
     assert taken == {BootNs(boot_ms * MS) for boot_ms in range(0, 2000, 100)}
     status = autopilot.telemetry.status(autopilot.host(2000))
@@ -257,7 +257,7 @@ def test_another_epoch_of_the_host_gives_the_same_states():
     for host_at_boot in (0, 1_790_000_000_123_456_000):
         autopilot = Autopilot(host_at_boot=host_at_boot, delay_ms=3.0)
         climbing(autopilot, 1000, every_ms=8)
-        autopilot.tell("GLOBAL_POSITION_INT", 1000)
+        autopilot.send("GLOBAL_POSITION_INT", 1000)
         boot_ns = autopilot.telemetry.clock.boot_from_host(autopilot.host(903.3))
         states.append((boot_ns, autopilot.telemetry.state_at(boot_ns)))
     assert states[0] == states[1]

@@ -50,7 +50,7 @@ class Identity:
 
     Another autopilot replaces the adopted one only without a configured system, once the adopted one was disarmed when
     last heard and has been silent for SUCCESSION_NS, if it is the only one that is heard on that link, and was never
-    heard beside ours. Autopilots copy the heartbeats of their neighbours to all their links, and go on when ours has
+    heard with ours. Autopilots copy the heartbeats of their neighbours to all their links, and go on when ours has
     lost its power for a moment: a vehicle that was heard before a heartbeat of ours is a neighbour.
     """
 
@@ -68,7 +68,7 @@ class Identity:
         self._others: dict[int, _Other] = {}
         """By system, at most 254."""
         self._neighbours: set[int] = set()
-        """Systems that were heard beside ours, or beside one another before an adoption: never ours."""
+        """Other systems that were heard, with ours or before an adoption: never ours."""
         self.autopilot: Autopilot | None = None
         """Adopted autopilot with its newest mode and link; kept while it is lost."""
 

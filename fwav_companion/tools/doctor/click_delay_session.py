@@ -95,7 +95,7 @@ def measure_click_delay(
     session = ClickDelaySession(config.camera.time_offset_s, wait_s=wait_s, show=show)
 
     async def attend() -> None:
-        service = Service(listening, calibration, signing_key, elevation=(), beside_recording={})
+        service = Service(listening, calibration, signing_key, elevation=(), extra_files={})
         await service.attend(session)
 
     asyncio.run(attend())

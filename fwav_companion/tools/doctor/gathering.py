@@ -90,7 +90,7 @@ def listen(config: Config, files: Files, signing_key: bytes | None, seconds: flo
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
 
     async def hear() -> RunStatus:
-        service = Service(quiet(config), files.calibration, signing_key, elevation=files.elevation, beside_recording={})
+        service = Service(quiet(config), files.calibration, signing_key, elevation=files.elevation, extra_files={})
         return await service.listen(seconds)
 
     status = asyncio.run(hear())

@@ -172,7 +172,7 @@ def shake(
 
     async def attend() -> None:
         service = Service(
-            quiet(config), calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
+            quiet(config), calibration, signing_key, elevation=(), extra_files={}, attitudes_kept_s=KEPT_S
         )
         await service.attend(session)
 
