@@ -9,6 +9,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
@@ -107,11 +108,23 @@ def _let_go_of_stdout() -> None:
 
 def _run(argv: Sequence[str]) -> int:
     os.environ.update({name: "1" for name in BLAS_THREADS if name not in os.environ})
+    _require_utf8(argv)
     arguments, unknown = _parser(argv).parse_known_args(argv)
     if unknown:
         raise UserError(f"unrecognized arguments: {' '.join(unknown)} (see fwav-companion {_called(argv)} --help)")
     status: int = arguments.run(arguments)
     return status
+
+
+def _require_utf8(argv: Sequence[str]) -> None:
+    """Refuse file names that are not UTF-8, also of the working folder: JSON could not hold them. UserError."""
+    names = list(argv)
+    with suppress(OSError):  # the working folder was removed
+        names.append(os.getcwd())
+    for name in names:
+        readable = os.fsencode(name).decode(errors="replace")
+        if readable != name:
+            raise UserError(f"{readable}: it has bytes that are not UTF-8; accepted: a name in UTF-8")
 
 
 def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from fwav_companion.camera import Calibration, parse_calibration
@@ -66,4 +67,7 @@ def _recorded_camera(folder: Path, config: str) -> list[str]:
         name = load(config).calibration_path.name
     except ConfigError:  # a configuration that is wrong is reported when it is read
         return []
-    return [f"camera.calibration={(folder / name).resolve()}"] if (folder / name).is_file() else []
+    if not (folder / name).is_file():
+        return []
+    quoted = json.dumps(str((folder / name).resolve()), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return [f"camera.calibration={quoted}"]  # in quotes: a folder's name may have spaces

@@ -54,6 +54,24 @@ def test_wrong_usage_is_one_line_and_status_2(arguments: list[str], capsys: pyte
     assert shown.err.count("\n") == 1
 
 
+def test_a_file_name_that_is_not_utf8_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Such a name fits into no line of JSON: status, recordings and reports all hold the names of files."""
+    assert main(["run", "--config", os.fsdecode(b"fl\xfcge.toml")]) == 2
+    said = "fl\N{REPLACEMENT CHARACTER}ge.toml: it has bytes that are not UTF-8; accepted: a name in UTF-8"
+    assert capsys.readouterr().err == f"fwav-companion: {said}\n"
+
+
+def test_a_working_folder_that_is_not_utf8_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    folder = tmp_path / os.fsdecode(b"fl\xfcge")
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    assert main(["init"]) == 2
+    assert "ge: it has bytes that are not UTF-8" in capsys.readouterr().err
+    assert not list(folder.iterdir())
+
+
 def test_an_unknown_option_names_the_help_of_its_command(capsys: pytest.CaptureFixture[str]):
     assert main(["init", "--fast"]) == 2
     assert "--fast (see fwav-companion init --help)" in capsys.readouterr().err

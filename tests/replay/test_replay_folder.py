@@ -45,6 +45,16 @@ def test_the_folders_camera_file_is_used_wherever_the_flight_had_it(tmp_path, fl
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("name", ["my flight", "Flüge, 1. Mai", 'a "b" # c', "back\\slash", "two\nlines", "it's"])
+def test_a_folder_of_any_name_is_replayed_with_its_own_camera_file(tmp_path, flown, name):
+    recorded(tmp_path / name, flown)
+    (tmp_path / name / "flight.toml").write_text(LINK + '[camera]\ncalibration = "/etc/somewhere/camera.yaml"\n')
+    done = run_command("replay", name, "--out", "t.jsonl", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    used = json.loads((tmp_path / "t.jsonl").read_text().splitlines()[0])["config"]["camera"]["calibration"]
+    assert used == str(tmp_path.resolve() / name / "camera.yaml")
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
