@@ -14,6 +14,7 @@ from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
 from io import TextIOWrapper
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from fwav_companion import __version__
@@ -120,7 +121,7 @@ def _require_utf8(argv: Sequence[str]) -> None:
     """Refuse file names that are not UTF-8, also of the working folder: JSON could not hold them. UserError."""
     names = list(argv)
     with suppress(OSError):  # the working folder was removed
-        names.append(os.getcwd())
+        names.append(str(Path.cwd()))
     for name in names:
         readable = os.fsencode(name).decode(errors="replace")
         if readable != name:

@@ -15,6 +15,8 @@ import msgspec
 
 from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.on_disk import whole
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.lines import Line
@@ -53,7 +55,7 @@ def write_report(
         lines,
         title="Tags found from a flapping wing",
         truth=parse_truth((out / "truth.csv").read_text(encoding="utf-8"), "truth.csv"),
-        true_path=_true_path(truth),
+        true_path=true_path(truth, lines[0]["origin"]),
         picture=_picture(flight_arguments, out, recording),
         notes=[
             f"A demonstration with seed {setup.seed}: nothing was attached. {NOTE}",
@@ -96,12 +98,18 @@ def _result(flight: FlightData) -> list[str]:
     return [sentence]
 
 
-def _true_path(truth: Sequence[Mapping[str, Any]]) -> TrueVehiclePath:
+def true_path(truth: Sequence[Mapping[str, Any]], origin: Mapping[str, float] | None) -> TrueVehiclePath:
+    """The mock's positions about the recording's origin: a service that starts late takes another than the mock's."""
     vehicle = [line for line in truth if line["type"] == "vehicle"]
-    return TrueVehiclePath(
-        times_boot_s=[line["boot_ns"] * 1e-9 for line in vehicle],
-        positions_ned=[tuple(line["position"]) for line in vehicle],
-    )
+    positions: list[Vector3] = [tuple(line["position"]) for line in vehicle]
+    if vehicle and origin is not None:
+        mock, ours = _plane(truth[0]["origin"]), _plane(origin)
+        positions = [ours.ned_from_geodetic(mock.geodetic_from_ned(position)) for position in positions]
+    return TrueVehiclePath(times_boot_s=[line["boot_ns"] * 1e-9 for line in vehicle], positions_ned=positions)
+
+
+def _plane(origin: Mapping[str, float]) -> TangentPlane:
+    return TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
 
 
 def _replayed(recording: Path, config: Config) -> list[Line]:

@@ -7,6 +7,7 @@ import pytest
 
 from fwav_companion.recording.labels import display_name
 from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.tools.demo.demo_report import true_path
 from fwav_companion.tools.report import (
     CALIBRATED,
     PAPER,
@@ -127,3 +128,17 @@ def test_text_of_a_recording_is_never_markup(flight):
     lines = [{**line, "label": evil} if line["type"] == "target" else line for line in flight[0].lines]
     picture = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])
     checked(page(flight_data(lines, title=evil, picture=picture, hidden={evil: evil}, notes=[evil])))
+
+
+def test_the_true_path_is_about_the_recordings_origin_whatever_the_mocks():
+    """A service on a busy machine hears its first position late, over another place: 111.2 m further north here."""
+    mocks = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
+    truth = [
+        {"type": "header", "origin": mocks},
+        {"type": "vehicle", "boot_ns": 2_000_000_000, "position": [150.0, 20.0, -9.0]},
+    ]
+    path = true_path(truth, {"lat": 48.001, "lon": 11.0, "alt_amsl": 503.0})
+    assert path.times_boot_s == [2.0]
+    assert path.positions_ned[0] == pytest.approx((150.0 - 111.2, 20.0, -6.0), abs=0.05)
+    assert true_path(truth, mocks).positions_ned[0] == pytest.approx((150.0, 20.0, -9.0))
+    assert true_path(truth, None).positions_ned[0] == (150.0, 20.0, -9.0)

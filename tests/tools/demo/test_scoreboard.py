@@ -6,7 +6,7 @@ import pytest
 
 from fwav_companion.__main__ import main
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.tools.demo.flight import Demonstration, DemoResult, troubles_of
+from fwav_companion.tools.demo.flight import Demonstration, DemoResult, time_before_flight_s, troubles_of
 from fwav_companion.tools.demo.scoreboard import Scoreboard
 
 ORIGIN = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
@@ -143,3 +143,17 @@ def test_a_busy_machine_is_named_where_a_target_was_missed(board, skipped, named
     assert more == [expected] * named
     board.take_targets([target(3, 0.0, 0.0)])
     assert troubles_of(board.scores(), board.pictures) == []
+
+
+@pytest.mark.parametrize("delivered", [0, 16])
+def test_where_no_tag_could_be_seen_the_busy_machine_alone_is_named(board, delivered):
+    """Flying longer would not help: the tags were never looked for."""
+    board.take_pictures(pictures(3, 216 - delivered, delivered=False) + pictures(3, delivered, usable=False))
+    assert troubles_of(board.scores(), board.pictures) == [
+        f"a busy machine skipped {216 - delivered} of 216 pictures: try again when it has less to do"
+    ]
+
+
+@pytest.mark.parametrize(("start_up_s", "before_s"), [(0.4, 3.0), (4.0, 12.0), (29.0, 30.0)])
+def test_the_camera_gets_time_in_proportion_to_the_services_start(start_up_s, before_s):
+    assert time_before_flight_s(start_up_s) == before_s
