@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import asin, degrees, pi
+from math import asin, degrees, hypot, pi
 from typing import Final
 
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tools.doctor.detection_findings import FEW, MOST, SHARE, SKYWARD, judged_detections
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
@@ -19,6 +20,8 @@ APART_M: Final = 0.8
 """Median: fixes that swing by a metre to each side."""
 RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
 """An angle typed in radians is mostly a multiple of 15 deg, with four digits."""
+LONGEST_LEVER_M: Final = 5.0
+"""No small vehicle carries its camera that far from its reference point; 5 mm typed as metres is as long."""
 
 
 def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -26,6 +29,7 @@ def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     if not evidence.config.localizes or evidence.files.calibration is None:
         return
     yield from _radians(evidence)
+    yield from _lever(evidence)
     yield from _above_horizon(evidence, status)
     yield from _disagreeing(evidence, status)
     yield from _gimbal(status)
@@ -57,6 +61,24 @@ def _radians(evidence: Evidence) -> Iterator[Finding]:
         + f": these look like radians; as degrees the camera looks {_horizon(_level_elevation_deg(evidence))}",
         fix="write degrees: " + ", ".join(f"{name} = {degrees(angle):.1f}" for name, angle in named.items() if angle),
     )
+
+
+def _lever(evidence: Evidence) -> Iterator[Finding]:
+    """A position in millimetres or centimetres moves every target by metres, and no measurement contradicts it."""
+    position_m = evidence.config.camera.mount.position_m
+    length_m = hypot(*position_m)
+    if length_m >= LONGEST_LEVER_M:
+        yield Finding(
+            "lever_arm_long",
+            Level.WARNING,
+            "[camera.mount] position_m",
+            problem=f"{_listed(position_m)}: the camera would be {length_m:.0f} m from the vehicle's reference point",
+            fix=f"write metres: {_listed(position_m, 1e3)} if these are mm, {_listed(position_m, 1e2)} if cm",
+        )
+
+
+def _listed(position: Vector3, divisor: float = 1.0) -> str:
+    return f"[{', '.join(f'{value / divisor:g}' for value in position)}]"
 
 
 def _in_radians(angles: tuple[float, float, float]) -> bool:

@@ -66,6 +66,20 @@ def test_degrees_are_not_taken_for_radians(angles):
     assert "mount_in_radians" not in found(evidence_of(flown(HEALTHY, settings, seconds=1.0)))
 
 
+def test_a_lever_arm_in_millimetres_is_named_in_metres():
+    settings = ["camera.mount.position_m=[50, 0, -20]"]
+    by_code = {each.code: each for each in examine(evidence_of(flown(HEALTHY, settings, seconds=1.0)))}
+    finding = by_code["lever_arm_long"]
+    assert finding.level is Level.WARNING
+    assert finding.problem == "[50, 0, -20]: the camera would be 54 m from the vehicle's reference point"
+    assert finding.fix == "write metres: [0.05, 0, -0.02] if these are mm, [0.5, 0, -0.2] if cm"
+
+
+def test_a_lever_arm_of_a_large_vehicle_is_right():
+    settings = ["camera.mount.position_m=[2.5, 0, 1.0]"]
+    assert "lever_arm_long" not in found(evidence_of(flown(HEALTHY, settings, seconds=1.0)))
+
+
 @pytest.mark.parametrize("pitch_deg", first_of(5.0, 60.0, 75.0))
 def test_a_mount_that_looks_at_the_sky_is_an_error_that_names_what_was_heard(pitch_deg):
     (finding,) = examine(heard(HEALTHY, [f"camera.mount.pitch_deg={pitch_deg}"]))
