@@ -184,6 +184,8 @@ def _tell_damage(arguments: argparse.Namespace, recording: Recording | Photograp
         print(f"{detections}: no frame in it", file=sys.stderr)
     for note in recording.notes:
         print(f"{telemetry}: {note}", file=sys.stderr)
+    for note in recording.detection_notes if isinstance(recording, Recording) else ():
+        print(f"{detections}: {note}", file=sys.stderr)
     _tell_first(
         f"{telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}"
         for skipped in (recording.skipped if isinstance(recording, Recording) else ())

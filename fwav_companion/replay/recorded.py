@@ -5,11 +5,12 @@ A line that is not a frame is skipped and reported with its position.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_US
+from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, parse_event
 from fwav_companion.recording.tlog import SkippedBytes
@@ -21,6 +22,13 @@ from fwav_companion.vision.wire import parse_frame
 
 LEAST_UNIX_NS = 10**18
 """2001-09-09 since 1970; as a time since boot 31 years."""
+LAST_UNIX_S = 253_402_300_799
+"""End of the year 9999, the last that a date has here."""
+MOST_APART_NS = NS_PER_S
+"""Time before the first message and after the last in which a frame may still be paired: by the longest interpolation,
+and what a buffered recording lacks at its end."""
+FEW_DETECTIONS = 10
+"""Detections of which all may lie in the first pixel by chance: a thing in the corner of the image."""
 
 
 class SkippedLine(msgspec.Struct, frozen=True):
@@ -51,7 +59,9 @@ class Recording(msgspec.Struct, frozen=True):
     skipped_lines: Sequence[SkippedLine] = ()
     """Lines of the detections that are not frames."""
     notes: Sequence[str] = ()
-    """Warnings to the user."""
+    """Warnings to the user about the telemetry."""
+    detection_notes: Sequence[str] = ()
+    """The same about the detections."""
     exact_stamps: bool = False
     """Whether attitudes are stamped at sampling, not at transmission."""
     clock_rate: float = 1.0
@@ -84,9 +94,49 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
         skipped=telemetry.skipped,
         skipped_lines=skipped_lines,
         notes=telemetry.notes,
+        detection_notes=[*_other_times(telemetry.messages, frames, unix_offset_ns), *_shares(frames)],
         exact_stamps=telemetry.exact_stamps,
         clock_rate=telemetry.clock_rate,
     )
+
+
+def _other_times(messages: Sequence[Timed], entries: Sequence[object], unix_offset_ns: int) -> list[str]:
+    """A note where most frames came while no telemetry did: they are of another flight, or of a clock that is off."""
+    came_ns = [
+        entry.arrival_ns if entry.arrival_ns is not None else _host_stamp_ns(entry) for entry in _frames(entries)
+    ]
+    unix_ns = [at_ns + unix_offset_ns for at_ns in came_ns if at_ns is not None]
+    if not messages or not unix_ns:
+        return []
+    first_ns, last_ns = messages[0][0] * NS_PER_US, messages[-1][0] * NS_PER_US
+    outside = sum(not first_ns - MOST_APART_NS <= at_ns <= last_ns + MOST_APART_NS for at_ns in unix_ns)
+    if 2 * outside <= len(unix_ns):
+        return []
+    theirs, ours = _span(min(unix_ns), max(unix_ns)), _span(first_ns, last_ns)
+    while_none = f"{outside} of {len(unix_ns)} frames came while there was no telemetry"
+    return [f"{while_none}: they are of {theirs}, it is of {ours}"]
+
+
+def _host_stamp_ns(frame: Frame) -> int | None:
+    return None if frame.stamp_clock is StampClock.BOOT else frame.stamp_ns
+
+
+def _span(first_ns: int, last_ns: int) -> str:
+    seconds = (max(0, min(at_ns // NS_PER_S, LAST_UNIX_S)) for at_ns in (first_ns, last_ns))
+    first, last = (datetime.fromtimestamp(at_s, UTC) for at_s in seconds)
+    return f"{first:%Y-%m-%d %H:%M:%S} to {last:%H:%M:%S} UTC"
+
+
+def _shares(entries: Sequence[object]) -> list[str]:
+    """A note where every detection lies in the first pixel: detectors also give places as shares of the image."""
+    places = [(each.u, each.v) for frame in _frames(entries) for each in frame.detections]
+    if len(places) < FEW_DETECTIONS or not all(0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 for u, v in places):
+        return []
+    return ["every u and v is between 0 and 1: they look like shares of the image's size; accepted: pixels"]
+
+
+def _frames(entries: Sequence[object]) -> Iterator[Frame]:
+    return (entry for entry in entries if isinstance(entry, Frame))
 
 
 def _by_boot_time_alone(

@@ -16,7 +16,8 @@ HEAD_BYTES = 256
 """Leading bytes of a telemetry file that identify its kind."""
 DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
 """Beginning of an ArduPilot log that a tool converted to text; older ones have a line or two before."""
-
+PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\0": "xz", b"PK\x03\x04": "zip", b"BZh": "bzip2", b"(\xb5/\xfd": "zstd"}
+"""Beginnings of compressed files, as logs are often passed on."""
 TIME_IN_MS = b"TimeMS,"
 """In the descriptions of a log before TimeUS."""
 
@@ -38,6 +39,9 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
         return _ardupilot_log(path, own)
     if DATAFLASH_AS_TEXT in head:
         raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin from which it was made")
+    for begins, kind in PACKED.items():
+        if head.startswith(begins):
+            raise InputFileError(f"{path}: compressed ({kind}); {ACCEPTED}, unpacked")
     data = load_tlog(path)
     telemetry = read_telemetry(data)
     if data and not telemetry.messages:  # in megabytes of anything some bytes look like a record

@@ -1,9 +1,14 @@
 """Replays of damaged, divided and foreign recordings; exports by the command line."""
 
+import bz2
+import gzip
 import json
+import lzma
 import os
+import re
 import subprocess
 import sys
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -276,3 +281,52 @@ def test_exports_stand_beside_the_targets(site):
     rows = (site.folder / "t.csv").read_text().splitlines()
     assert len(rows) - 1 == sum(line["type"] == "target" for line in site.flown.companion.lines)
     assert site.replay("--export", "t.shp").returncode == 2
+
+
+SHARES = "every u and v is between 0 and 1: they look like shares of the image's size; accepted: pixels"
+
+
+def frames_of(site):
+    return [line for line in site.detections.splitlines() if b'"detections"' in line]
+
+
+def in_shares(line):
+    frame = json.loads(line)
+    for each in frame["detections"]:
+        each["u"], each["v"] = each["u"] / 640.0, each["v"] / 480.0
+    return json.dumps(frame).encode()
+
+
+def test_detections_in_shares_of_the_image_are_named(site):
+    site.write("shares.jsonl", b"\n".join(map(in_shares, frames_of(site))))
+    done = site.replay(detections=["shares.jsonl"])
+    assert done.stderr == f"shares.jsonl: {SHARES}\n"
+    assert site.replay().stderr == ""
+
+
+def test_frames_of_another_day_are_named_with_both_times(site):
+    """Else the only answer is a reason for each frame, as that it came too late."""
+
+    def later(line):
+        frame = json.loads(line)
+        return json.dumps({**frame, "time_unix": frame["received_unix"] + 86_400.0, "received_unix": None}).encode()
+
+    frames = frames_of(site)
+    site.write("later.jsonl", b"\n".join(map(later, frames)))
+    done = site.replay(detections=["later.jsonl"])
+    said = (
+        rf"later\.jsonl: {len(frames)} of {len(frames)} frames came while there was no telemetry: they are of (.*) to "
+    )
+    (theirs, ours) = re.fullmatch(said + r".* UTC, it is of (.*) to .* UTC\n", done.stderr).groups()
+    apart = datetime.fromisoformat(theirs) - datetime.fromisoformat(ours)
+    assert abs(apart - timedelta(days=1)) < timedelta(seconds=5)
+
+
+@pytest.mark.parametrize(("pack", "kind"), [(lzma.compress, "xz"), (gzip.compress, "gzip"), (bz2.compress, "bzip2")])
+def test_a_compressed_recording_is_named_as_one(site, pack, kind):
+    site.write("packed.tlog", pack(site.telemetry))
+    done = site.replay(telemetry=["packed.tlog"])
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"fwav-companion: packed.tlog: compressed ({kind}); accepted: a .tlog, .bin or .ulg recording, unpacked\n"
+    )
