@@ -9,8 +9,8 @@ of the vehicle's position is estimated as it wanders; the height is considered t
 Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
 Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_path``, ``rate_denoiser``, ``vehicle_motion``,
 ``position_smoother`` (the measurement);
-``position_error``, ``joint_filter``, ``ground_gate``, ``filter_pass``, ``delay_search``, ``reassociation``,
-``relinearization`` (the estimate);
+``position_error``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``, ``delay_search``,
+``reassociation``, ``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment`` (what is believed of it); ``sights``,
 ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibration_state``, ``present_report``,
 ``calibrator``.

@@ -7,7 +7,9 @@ the delay of that report: at 5 m/s, 0.1 s of it displace every place by 0.5 m ag
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import itemgetter
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -29,6 +31,10 @@ SIGNS = np.array([-1.0 if each is Shared.READOUT else 1.0 for each in Shared])
 """The readout is truth minus configuration, its bias is the opposite."""
 IN_REPORT = np.array([0.0 if each is Shared.POSITION_DELAY else sign for each, sign in zip(Shared, SIGNS, strict=True)])
 """The same of a fix relative to the vehicle's report: the age of positions moves both alike."""
+
+
+OnGround: TypeAlias = Callable[[GroundFix], tuple[float, float] | None]
+"""North and east of a fix by the parameters, in the frame of the vehicle's report; None where that is not known."""
 
 
 class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
@@ -61,20 +67,26 @@ class KnownParameters(msgspec.Struct, frozen=True, gc=False):
             less = self.priors.height_noise_m**2 - smoothed[1][2]
         return nn - position - less * north * north, ne - less * north * east, ee - position - less * east * east
 
-    def corrected(self, fix: GroundFix, smoothed: SmoothedReport | None = None) -> CalibratedFix:
-        """The fix without what the parameters make of it, and without the noise of the reported height.
+    def linear(self, fix: GroundFix) -> tuple[float, float]:
+        """North and east of the fix by the parameters, by its sensitivities at the nominal capture."""
+        off_north, off_east = (np.array(BIASES_OF(fix.bias_jacobian))[:, :2].T @ self.mean).tolist()
+        return fix.position_ned[0] - off_north, fix.position_ned[1] - off_east
+
+    def corrected(
+        self, fix: GroundFix, place: tuple[float, float], smoothed: SmoothedReport | None = None
+    ) -> CalibratedFix:
+        """The fix at its ``place`` by the parameters, without the noise of the reported height.
 
         That noise, 0.3 m, moves a target 4 m aside of a camera 14 m up by 0.09 m.
         """
-        rows = np.array(BIASES_OF(fix.bias_jacobian))[:, :2].T
-        off_north, off_east = (rows @ self.mean).tolist()
+        rows, (at_north, at_east) = np.array(BIASES_OF(fix.bias_jacobian))[:, :2].T, place
         (nn, ne), (_, ee) = (rows @ self.cov @ rows.T).tolist()
         r_nn, r_ne, r_ee = self.noise(fix, smoothed)
         by = (r_nn + nn, r_ne + ne, r_ee + ee)
         if smoothed is not None and fix.ground not in RANGED:
             north, east, _ = fix.bias_jacobian[Bias.HEIGHT]
-            off_north, off_east = off_north - smoothed[0][2] * north, off_east - smoothed[0][2] * east
-        return CalibratedFix(fix.position_ned[0] - off_north, fix.position_ned[1] - off_east, by)
+            at_north, at_east = at_north + smoothed[0][2] * north, at_east + smoothed[0][2] * east
+        return CalibratedFix(at_north, at_east, by)
 
 
 def known_parameters(mean: Array, cov: Array, priors: ErrorPriors) -> KnownParameters:
@@ -88,10 +100,11 @@ def fix_by(
     known: KnownParameters,
     along_path: CalibratedFix | None,
     claimed_m2: float,
+    on_ground: OnGround,
     smoothed: SmoothedReport | None = None,
 ) -> CalibratedFix | None:
     """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path, or by the fix alone
-    where its claim is the smaller one.
+    where its claim is the smaller one and its place ``on_ground`` is known.
 
     None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
     """
@@ -100,5 +113,8 @@ def fix_by(
     noise_n, _, noise_e = known.noise(fix, smoothed)
     if noise_n + noise_e >= least_m2:
         return best
-    found = known.corrected(fix, smoothed)
+    place = on_ground(fix)
+    if place is None:
+        return best
+    found = known.corrected(fix, place, smoothed)
     return found if found.claimed_m2 < least_m2 else best

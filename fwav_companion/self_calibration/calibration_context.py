@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, hypot
+from functools import partial
+from math import ceil, hypot, isfinite
 
 import numpy as np
 
 from fwav_companion.geometry.stamps import BootNs, s_from_ns
 from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.calibrated_fix import SIGNS, KnownParameters, OnGround
 from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
 from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
 from fwav_companion.self_calibration.ground_gate import GroundGate
+from fwav_companion.self_calibration.ground_points import FIX_KNOT_NS, GroundPoints
 from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
@@ -50,6 +53,7 @@ class CalibrationContext:
         self._frame: tuple[GroundFix, ...] = ()
         self._places: dict[int, int] = {}
         self._gate: tuple[FilterPass, GroundGate] | None = None
+        self._ground: tuple[KnownParameters, GroundPoints] | None = None
         self._report: tuple[PositionPath, BootNs, SmoothedReport | None] | None = None
 
     def without_kept(self) -> CalibrationContext:
@@ -99,6 +103,17 @@ class CalibrationContext:
         if self._gate is None or self._gate[0] is not served:
             self._gate = (served, GroundGate(served.best, self._frame, self.state_at))
         return self._gate[1].gate(place, self._places[id(fix)])
+
+    def on_ground(self, known: KnownParameters) -> OnGround:
+        """The places of fixes by the parameters: by the exact attitude at the capture, where a history is available."""
+        return known.linear if self.state_at is None else partial(self._met, known, self.state_at)
+
+    def _met(self, known: KnownParameters, state_at: StateAt, fix: GroundFix) -> tuple[float, float] | None:
+        if self._ground is None or self._ground[0] is not known or not self._ground[1].covers(fix.sighting):
+            mean = (known.mean * SIGNS).tolist()
+            self._ground = known, GroundPoints(mean, fix.sighting, state_at, FIX_KNOT_NS)
+        place = self._ground[1].in_report_of(fix)
+        return place if isfinite(place[0]) else None
 
     def smoothed_report(self, path: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
         """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""

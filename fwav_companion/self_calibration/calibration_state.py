@@ -93,9 +93,11 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
             return None
         known = assessment.known
         smoothed = self.context.smoothed_report(self.motion.path, vehicle)
+        on_ground = self.context.on_ground(known)
         if served.wanders_quickly:
-            return known.corrected(fix, smoothed)
-        return fix_by(fix, known, placed.along_path(vehicle, smoothed), claimed_m2, smoothed)
+            place = on_ground(fix)
+            return None if place is None else known.corrected(fix, place, smoothed)
+        return fix_by(fix, known, placed.along_path(vehicle, smoothed), claimed_m2, on_ground, smoothed)
 
     @property
     def mistake(self) -> str:

@@ -8,11 +8,13 @@ import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
 
+from fwav_companion.geometry.vectors import add
 from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.assessment import CalibratedPlace
 from fwav_companion.self_calibration.calibrated_fix import fix_by, known_parameters
+from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_state import CalibrationState
-from fwav_companion.types import BIAS_COUNT, Bias
+from fwav_companion.types import BIAS_COUNT, Bias, Reason, Unpaired
 
 TARGET = (4.0, 3.0)
 SMALL = {
@@ -27,13 +29,17 @@ EXACT, NOISY = priors(height_noise_m=0.0), priors(position_noise_m=0.1, height_n
 
 
 def fixes_with(biases):
+    return [fix for view in a_world(biases).frames() for fix in view.fixes]
+
+
+def a_world(biases, **changes):
     values = np.zeros(BIAS_COUNT)
     for bias, value in biases.items():
         values[bias] = value
     quiet = {"pixel_px": 0.0, "flapping_deg": 0.0, "late_by": 0.0, "priors": priors(attitude_noise=0.0)}
     shape = "eight" if Bias.TIME_OFFSET in biases else "hover"
-    flight = Flight(seconds=2.0, shape=shape, height_m=10.0, targets=(TARGET,), biases=values, **quiet)
-    return [fix for view in World(flight).frames() for fix in view.fixes]
+    shaped = {"seconds": 2.0, "shape": shape, "height_m": 10.0, "targets": (TARGET,), "biases": values}
+    return World(Flight(**shaped | quiet | changes))
 
 
 def parameters(biases):
@@ -51,12 +57,17 @@ def parameters(biases):
     return mean, np.eye(len(mean)) * 1e-4
 
 
+def linearly(known, fix, smoothed=None):
+    """The fix by its sensitivities at the nominal capture."""
+    return known.corrected(fix, known.linear(fix), smoothed)
+
+
 @pytest.mark.parametrize("bias", list(SMALL))
 def test_each_parameter_takes_out_what_its_bias_makes(bias):
     """The world projects with the bias, the fix is corrected with the parameter: the second order is left."""
     only = {bias: SMALL[bias]}
     fixes, known = fixes_with(only), parameters(only)
-    found = [known_parameters(*known, EXACT).corrected(fix) for fix in fixes]
+    found = [linearly(known_parameters(*known, EXACT), fix) for fix in fixes]
     off = np.hypot(*(np.mean([fix.position_ned[:2] for fix in fixes], 0) - TARGET))
     left = np.hypot(*(np.mean([(each.north, each.east) for each in found], 0) - TARGET))
     assert off > LEAST_M
@@ -67,7 +78,7 @@ def test_the_claim_holds_noise_and_parameters_but_not_the_position():
     fix = fixes_with({})[0]
     mean, cov = parameters({})
     noise, by = np.array(fix.noise_cov)[:2, :2], np.array([fix.bias_jacobian[bias][:2] for bias in CALIBRATED])
-    found = known_parameters(mean, cov, NOISY).corrected(fix)
+    found = linearly(known_parameters(mean, cov, NOISY), fix)
     expected = noise - 0.01 * np.eye(2) + 1e-4 * by.T @ by
     assert found.cov == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]))
 
@@ -77,15 +88,15 @@ def test_a_fix_is_taken_without_the_noise_of_the_height_that_the_path_shows():
     high_m, left = SMALL[Bias.HEIGHT], 0.05**2
     fixes, smoothed = fixes_with({Bias.HEIGHT: high_m}), ((0.0, 0.0, -high_m), (0.0, 0.0, left))
     known = known_parameters(*parameters({}), priors(height_noise_m=0.1))
-    found = [known.corrected(fix, smoothed) for fix in fixes]
+    found = [linearly(known, fix, smoothed) for fix in fixes]
     assert np.hypot(*(np.mean([fix.position_ned[:2] for fix in fixes], 0) - TARGET)) > LEAST_M
     assert np.hypot(*(np.mean([(each.north, each.east) for each in found], 0) - TARGET)) < 0.03
     by_height = np.array(fixes[0].bias_jacobian[Bias.HEIGHT][:2])
-    less = np.array(known.corrected(fixes[0]).cov) - found[0].cov
+    less = np.array(linearly(known, fixes[0]).cov) - found[0].cov
     north, east = by_height
     assert less == pytest.approx((0.1**2 - left) * np.array((north * north, north * east, east * east)))
     ranged = msgspec.structs.replace(fixes[0], ground="rangefinder")
-    assert known.corrected(ranged, smoothed) == known.corrected(ranged)
+    assert linearly(known, ranged, smoothed) == linearly(known, ranged)
 
 
 def a_place(place_m):
@@ -102,9 +113,9 @@ def by_path(fix, place_m, off=(0.0, 0.0, 0.0)):
 @pytest.mark.parametrize(("place_m", "chosen"), [(1.0, True), (0.01, False)])
 def test_the_fix_is_chosen_where_it_claims_less_than_the_place(place_m, chosen):
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    expected = known.corrected(fix)
+    expected = linearly(known, fix)
     assert 0.02**2 < expected.claimed_m2 < 1.0
-    found = fix_by(fix, known, by_path(fix, place_m), 2.0 * place_m**2 + 0.01)
+    found = fix_by(fix, known, by_path(fix, place_m), 2.0 * place_m**2 + 0.01, known.linear)
     assert (found == expected) is chosen
 
 
@@ -112,25 +123,66 @@ def test_the_fix_alone_is_taken_where_the_position_does_not_wander_smoothly():
     """However little the place claims: it lags behind."""
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
     passes = SimpleNamespace(served=SimpleNamespace(wanders_quickly=True))
-    context = SimpleNamespace(smoothed_report=lambda path, vehicle: None)
+    context = SimpleNamespace(smoothed_report=lambda path, vehicle: None, on_ground=lambda known: known.linear)
     assessment, motion = SimpleNamespace(known=known), SimpleNamespace(path=None)
     state = SimpleNamespace(assessment=assessment, passes=passes, motion=motion, context=context)
-    assert CalibrationState.by_fix(state, fix, a_place(0.01), 1e-6) == known.corrected(fix)
+    assert CalibrationState.by_fix(state, fix, a_place(0.01), 1e-6) == linearly(known, fix)
 
 
 def test_the_fix_is_chosen_without_a_path():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
     assert a_place(0.01).along_path(fix.sighting.state, None) is None
-    assert fix_by(fix, known, None, 1.0) == known.corrected(fix)
+    assert fix_by(fix, known, None, 1.0, known.linear) == linearly(known, fix)
 
 
 def test_the_place_is_taken_without_the_noise_of_the_report_that_the_path_shows():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), NOISY)
-    found = fix_by(fix, known, by_path(fix, 0.03, off=(0.2, -0.1, 0.3)), 2.0 * (0.03**2 + 0.1**2))
+    found = fix_by(fix, known, by_path(fix, 0.03, off=(0.2, -0.1, 0.3)), 2.0 * (0.03**2 + 0.1**2), known.linear)
     assert (found.north, found.east) == pytest.approx((4.2, 2.9))
     assert found.cov == pytest.approx((0.03**2 + 0.01**2, 0.0, 0.03**2 + 0.02**2))
 
 
 def test_neither_is_taken_where_more_is_known_without_the_fix():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    assert fix_by(fix, known, by_path(fix, 0.03), 1e-6) is None
+    assert fix_by(fix, known, by_path(fix, 0.03), 1e-6, known.linear) is None
+
+
+@pytest.mark.parametrize("delay_s", [0.058, -0.058])
+def test_a_delay_of_a_third_of_a_beat_is_taken_out_by_the_attitude_at_the_capture(delay_s):
+    """No sensitivity at the stamp gives the ray then: 5 degrees at 7 Hz are metres from 10 m. Attitudes have stamps of
+    whole milliseconds, in which the ray turns by 0.2 degrees."""
+    biases = {Bias.TIME_OFFSET: delay_s, Bias.MOUNT_Y: 0.02, Bias.HEIGHT: 0.3, Bias.HEADING: 0.03}
+    world = a_world(biases, shape="hover", attitude_hz=200.0, flapping_deg=5.0, flapping_hz=7.0)
+    fixes, known = [fix for view in world.frames() for fix in view.fixes][5:-5], parameters(biases)
+    known = known_parameters(*known, EXACT)
+    on_ground = CalibrationContext(EXACT, world.state_at).on_ground(known)
+    assert len(fixes) > 20
+    assert max(off_m(known.linear(fix)) for fix in fixes) > 1.0
+    assert max(off_m(on_ground(fix)) for fix in fixes) < 0.1
+
+
+def test_the_fix_alone_is_not_taken_where_the_vehicle_at_its_capture_is_not_known():
+    fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
+    on_ground = CalibrationContext(EXACT, lambda _: Unpaired(Reason.STALE_ATTITUDE)).on_ground(known)
+    path = by_path(fix, 1.0)
+    assert on_ground(fix) is None
+    assert fix_by(fix, known, path, 9.0, on_ground) == path
+    assert fix_by(fix, known, None, 9.0, on_ground) is None
+
+
+def test_a_sight_relative_to_the_vehicle_has_the_noise_of_its_own_report_alone():
+    """The report at the capture has other noise than that at the stamp; the target is relative to the latter."""
+    late = {Bias.TIME_OFFSET: 0.05}
+    world, known = a_world(late, shape="hover"), known_parameters(*parameters(late), EXACT)
+    fix = world.frames()[10].fixes[0]
+
+    def noisy(boot_ns):
+        state = world.state_at(boot_ns)
+        return msgspec.structs.replace(state, position_ned=add(state.position_ned, (0.3, -0.2, 0.1)))
+
+    exact, with_noise = (CalibrationContext(EXACT, each).on_ground(known)(fix) for each in (world.state_at, noisy))
+    assert with_noise == pytest.approx(exact, abs=1e-9)
+
+
+def off_m(place):
+    return np.hypot(*np.subtract(place, TARGET))
