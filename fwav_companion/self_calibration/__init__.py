@@ -12,8 +12,8 @@ Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_path``, ``ra
 ``position_error``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``, ``delay_search``,
 ``reassociation``, ``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment`` (what is believed of it); ``sights``,
-``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibration_state``, ``present_report``,
-``calibrator``.
+``mount_check``; ``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``calibration_state``,
+``present_report``, ``calibrator``.
 """
 
 from fwav_companion.self_calibration.calibration_report import (

@@ -7,9 +7,8 @@ the delay of that report: at 5 m/s, 0.1 s of it displace every place by 0.5 m ag
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from operator import itemgetter
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -33,10 +32,6 @@ IN_REPORT = np.array([0.0 if each is Shared.POSITION_DELAY else sign for each, s
 """The same of a fix relative to the vehicle's report: the age of positions moves both alike."""
 
 
-OnGround: TypeAlias = Callable[[GroundFix], tuple[float, float] | None]
-"""North and east of a fix by the parameters, in the frame of the vehicle's report; None where that is not known."""
-
-
 class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
     """Place of a target by one fix, in the frame of the vehicle's report at its capture."""
 
@@ -58,6 +53,17 @@ class KnownParameters(msgspec.Struct, frozen=True, gc=False):
     cov: Array
     priors: ErrorPriors
 
+    def claims(self, fixes: Sequence[GroundFix]) -> list[list[list[float]]]:
+        """(N, 2, 2) covariance of fixes by the parameters alone, m^2."""
+        rows = _rows(fixes)
+        claimed: list[list[list[float]]] = (rows @ self.cov @ rows.swapaxes(1, 2)).tolist()
+        return claimed
+
+    def linear(self, fix: GroundFix) -> tuple[float, float]:
+        """North and east of a fix by the parameters, by its sensitivities at the nominal capture."""
+        off_north, off_east = (_rows([fix])[0] @ self.mean).tolist()
+        return fix.position_ned[0] - off_north, fix.position_ned[1] - off_east
+
     def noise(self, fix: GroundFix, smoothed: SmoothedReport | None) -> Symmetric2:
         """Noise of a fix relative to the vehicle, m^2; with the height of the smoothed path, where that is reported."""
         (nn, ne, _), (_, ee, _), _ = fix.noise_cov
@@ -67,26 +73,18 @@ class KnownParameters(msgspec.Struct, frozen=True, gc=False):
             less = self.priors.height_noise_m**2 - smoothed[1][2]
         return nn - position - less * north * north, ne - less * north * east, ee - position - less * east * east
 
-    def linear(self, fix: GroundFix) -> tuple[float, float]:
-        """North and east of the fix by the parameters, by its sensitivities at the nominal capture."""
-        off_north, off_east = (np.array(BIASES_OF(fix.bias_jacobian))[:, :2].T @ self.mean).tolist()
-        return fix.position_ned[0] - off_north, fix.position_ned[1] - off_east
 
-    def corrected(
-        self, fix: GroundFix, place: tuple[float, float], smoothed: SmoothedReport | None = None
-    ) -> CalibratedFix:
-        """The fix at its ``place`` by the parameters, without the noise of the reported height.
+def without_height_noise(
+    fix: GroundFix, place: tuple[float, float], smoothed: SmoothedReport | None
+) -> tuple[float, float]:
+    """The place (north, east) of a fix without the noise of the reported height, where the smoothed path shows it.
 
-        That noise, 0.3 m, moves a target 4 m aside of a camera 14 m up by 0.09 m.
-        """
-        rows, (at_north, at_east) = np.array(BIASES_OF(fix.bias_jacobian))[:, :2].T, place
-        (nn, ne), (_, ee) = (rows @ self.cov @ rows.T).tolist()
-        r_nn, r_ne, r_ee = self.noise(fix, smoothed)
-        by = (r_nn + nn, r_ne + ne, r_ee + ee)
-        if smoothed is not None and fix.ground not in RANGED:
-            north, east, _ = fix.bias_jacobian[Bias.HEIGHT]
-            at_north, at_east = at_north + smoothed[0][2] * north, at_east + smoothed[0][2] * east
-        return CalibratedFix(at_north, at_east, by)
+    That noise, 0.3 m, moves a target 4 m aside of a camera 14 m up by 0.09 m.
+    """
+    if smoothed is None or fix.ground in RANGED:
+        return place
+    north, east, _ = fix.bias_jacobian[Bias.HEIGHT]
+    return place[0] + smoothed[0][2] * north, place[1] + smoothed[0][2] * east
 
 
 def known_parameters(mean: Array, cov: Array, priors: ErrorPriors) -> KnownParameters:
@@ -95,26 +93,6 @@ def known_parameters(mean: Array, cov: Array, priors: ErrorPriors) -> KnownParam
     return KnownParameters(mean, cov, priors)
 
 
-def fix_by(
-    fix: GroundFix,
-    known: KnownParameters,
-    along_path: CalibratedFix | None,
-    claimed_m2: float,
-    on_ground: OnGround,
-    smoothed: SmoothedReport | None = None,
-) -> CalibratedFix | None:
-    """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path, or by the fix alone
-    where its claim is the smaller one and its place ``on_ground`` is known.
-
-    None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
-    """
-    best = None if along_path is None or along_path.claimed_m2 >= claimed_m2 else along_path
-    least_m2 = claimed_m2 if best is None else best.claimed_m2
-    noise_n, _, noise_e = known.noise(fix, smoothed)
-    if noise_n + noise_e >= least_m2:
-        return best
-    place = on_ground(fix)
-    if place is None:
-        return best
-    found = known.corrected(fix, place, smoothed)
-    return found if found.claimed_m2 < least_m2 else best
+def _rows(fixes: Sequence[GroundFix]) -> Array:
+    """(N, 2, 11) change of fixes by the biases that are the shared parameters."""
+    return np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2)

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from math import ceil, hypot, isfinite
+from math import ceil, hypot
 
 import numpy as np
 
-from fwav_companion.geometry.stamps import BootNs, s_from_ns
+from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.calibrated_fix import SIGNS, KnownParameters, OnGround
 from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
 from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
-from fwav_companion.self_calibration.ground_gate import GroundGate
-from fwav_companion.self_calibration.ground_points import FIX_KNOT_NS, GroundPoints
+from fwav_companion.self_calibration.frame_fixes import FrameFixes
 from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
-from fwav_companion.self_calibration.position_path import PositionPath, SmoothedReport
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
-from fwav_companion.types.tracks import GateResult
 
 DELAY_STEP_S = 0.015
 """Interval of the hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
@@ -49,12 +44,7 @@ class CalibrationContext:
         reach = SEARCH_SIGMAS * float(self.sigmas[SharedParameter.DELAY])
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
         self.delays = tuple(self.delay_s + i * DELAY_STEP_S for i in range(-steps, steps + 1))
-        # The newest frame: its fixes, and their gate by a joint estimate.
-        self._frame: tuple[GroundFix, ...] = ()
-        self._places: dict[int, int] = {}
-        self._gate: tuple[FilterPass, GroundGate] | None = None
-        self._ground: tuple[KnownParameters, GroundPoints] | None = None
-        self._report: tuple[PositionPath, BootNs, SmoothedReport | None] | None = None
+        self._frame = FrameFixes((), state_at)
 
     def without_kept(self) -> CalibrationContext:
         """The same without the calibration of an earlier flight."""
@@ -90,36 +80,14 @@ class CalibrationContext:
         return [delay_s - k * span_s / max(1, knots) for k in range(knots, -1, -1)]
 
     def expect(self, fixes: Sequence[GroundFix]) -> None:
-        """Remember the fixes of a frame: they are gated as one batch."""
-        self._frame, self._gate = tuple(fixes), None
-        self._places = {id(fix): place for place, fix in enumerate(fixes)}
+        """Remember the fixes of a frame: what is asked of one of them is computed for all."""
+        self._frame = FrameFixes(fixes, self.state_at)
 
-    def gate(self, fix: GroundFix, place: int, served: FilterPass) -> GateResult | None:
-        """Gating statistics of a fix against the target at this place of the joint estimate; None: not known."""
-        if self.state_at is None:
-            return None
-        if id(fix) not in self._places:  # the frame holds its fixes, so that no other object has their identity
+    def frame_of(self, fix: GroundFix) -> FrameFixes:
+        """The newest frame if it holds this fix, else this fix alone."""
+        if fix not in self._frame:
             self.expect([fix])
-        if self._gate is None or self._gate[0] is not served:
-            self._gate = (served, GroundGate(served.best, self._frame, self.state_at))
-        return self._gate[1].gate(place, self._places[id(fix)])
-
-    def on_ground(self, known: KnownParameters) -> OnGround:
-        """The places of fixes by the parameters: by the exact attitude at the capture, where a history is available."""
-        return known.linear if self.state_at is None else partial(self._met, known, self.state_at)
-
-    def _met(self, known: KnownParameters, state_at: StateAt, fix: GroundFix) -> tuple[float, float] | None:
-        if self._ground is None or self._ground[0] is not known or not self._ground[1].covers(fix.sighting):
-            mean = (known.mean * SIGNS).tolist()
-            self._ground = known, GroundPoints(mean, fix.sighting, state_at, FIX_KNOT_NS)
-        place = self._ground[1].in_report_of(fix)
-        return place if isfinite(place[0]) else None
-
-    def smoothed_report(self, path: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
-        """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""
-        if self._report is None or self._report[0] is not path or self._report[1] != vehicle.boot_ns:
-            self._report = (path, vehicle.boot_ns, path.report(vehicle, self.priors))
-        return self._report[2]
+        return self._frame
 
     def bank(self) -> FilterPass:
         """A pass with one hypothesis for each delay, each with a prior as wide as their interval."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from math import hypot
+from math import hypot, inf
 
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, fix_by
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
@@ -84,20 +84,22 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
     def by_fix(self, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
-        """A target relative to the vehicle at a fix; None where that claims no less than ``claimed_m2``, a trace.
+        """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path or by the fix alone,
+        whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander smoothly.
 
-        The fix alone where a flight shows that the vehicle's position does not wander smoothly.
+        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
         """
         assessment, served, vehicle = self.assessment, self.passes.served, fix.sighting.state
         if assessment is None or served is None:
             return None
-        known = assessment.known
-        smoothed = self.context.smoothed_report(self.motion.path, vehicle)
-        on_ground = self.context.on_ground(known)
+        smoothed, frame = self.motion.path.report(vehicle, self.context.priors), self.context.frame_of(fix)
         if served.wanders_quickly:
-            place = on_ground(fix)
-            return None if place is None else known.corrected(fix, place, smoothed)
-        return fix_by(fix, known, placed.along_path(vehicle, smoothed), claimed_m2, on_ground, smoothed)
+            return frame.alone(fix, assessment.known, smoothed, inf)
+        along = placed.along_path(vehicle, smoothed)
+        if along is not None and along.claimed_m2 >= claimed_m2:
+            along = None
+        least_m2 = claimed_m2 if along is None else along.claimed_m2
+        return frame.alone(fix, assessment.known, smoothed, least_m2) or along
 
     @property
     def mistake(self) -> str:
@@ -138,7 +140,7 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         served = self.passes.served
         if served is None or track not in served.joint.tracks:
             return None
-        return self.context.gate(fix, served.joint.tracks.index(track), served)
+        return self.context.frame_of(fix).gate(fix, served.joint.tracks.index(track), served)
 
     def _lag_s(self) -> float:
         earliest = self.context.delays[0] if self.delay_s is None else self.delay_s

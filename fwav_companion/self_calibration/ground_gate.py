@@ -28,7 +28,7 @@ class GroundGate:
         points = GroundPoints(joint.mean[0, :SHARED_COUNT].tolist(), fixes[0].sighting, state_at, GATE_KNOT_NS)
         off = np.array([points.of(fix) for fix in fixes]) - joint.apparent[0].reshape(-1, 1, 2)
         noise = np.array([fix.noise_cov for fix in fixes])[:, :2, :2]
-        spread = noise + (rows := _rows(fixes)) @ joint.apparent_covs[:, None] @ rows.swapaxes(1, 2)
+        spread = _spread(noise, _rows(fixes), joint.apparent_cov)
         nowhere = np.isinf(off).any(-1)  # infinite terms of both signs would make NaN of it: not known
         off[nowhere] = 0.0
         nis, determinant = two_by_two(off, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
@@ -45,9 +45,14 @@ class GroundGate:
 
 
 def _rows(fixes: Sequence[GroundFix]) -> Array:
-    """(N, 2, 13) change of a point less the place of its target, by the shared parameters and the place; negative."""
-    rows = np.empty((len(fixes), 2, SHARED_COUNT + 2))
-    rows[..., :SHARED_COUNT] = np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2)
-    rows[..., :SHARED_COUNT] *= SIGNS
-    rows[..., SHARED_COUNT:] = np.eye(2)
-    return rows
+    """(N, 2, 11) change of a point by the shared parameters, negative."""
+    return np.asarray(np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2) * SIGNS)
+
+
+def _spread(noise: Array, rows: Array, cov: Array) -> Array:
+    """(T, N, 2, 2) covariance of each point less the place of each target. ``cov``: shared parameters and places."""
+    own = noise + rows @ cov[:SHARED_COUNT, :SHARED_COUNT] @ rows.swapaxes(1, 2)
+    both = (rows @ cov[:SHARED_COUNT, SHARED_COUNT:]).reshape(len(rows), 2, -1, 2).transpose(2, 0, 1, 3)
+    targets = np.arange(len(both))
+    places = cov[SHARED_COUNT:, SHARED_COUNT:].reshape(len(both), 2, len(both), 2)[targets, :, targets]
+    return np.asarray(own + places[:, None] + both + both.swapaxes(2, 3))

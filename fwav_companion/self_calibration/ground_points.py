@@ -56,7 +56,6 @@ class GroundPoints:
 
     __slots__ = (
         "_body_from_camera",
-        "_frame_ns",
         "_knot_ns",
         "_lever",
         "_mean",
@@ -67,16 +66,11 @@ class GroundPoints:
 
     def __init__(self, mean: Sequence[float], sighting: Sighting, state_at: StateAt, knot_ns: int) -> None:
         self._mean, self._state_at, self._knot_ns = mean, state_at, knot_ns
-        self._frame_ns = sighting.frame_host_ns
         mounted = matrix_from_quaternion(exp(_vector(mean[MOUNT])))
         self._body_from_camera = multiply(mounted, sighting.body_from_camera)
         self._true_heading = matrix_from_quaternion(exp((0.0, 0.0, -mean[SharedParameter.HEADING])))
         self._lever = subtract(_lever(sighting), _vector(mean[LEVER]))
         self._views: dict[int, CorrectedCamera | None] = {}
-
-    def covers(self, sighting: Sighting) -> bool:
-        """Whether a sighting is of the same frame."""
-        return sighting.frame_host_ns == self._frame_ns
 
     def of(self, fix: GroundFix) -> tuple[float, float]:
         """North and east where a fix's ray meets the ground; inf: nowhere, NaN: not known."""

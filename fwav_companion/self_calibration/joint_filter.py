@@ -295,13 +295,11 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return msgspec.structs.replace(self, mean=mean, cov=cov)
 
     @cached_property
-    def apparent_covs(self) -> Array:
-        """(T, 13, 13) covariance of the shared parameters and of the apparent place of each target."""
+    def apparent_cov(self) -> Array:
+        """(11 + 2T, 11 + 2T) covariance of the shared parameters and of the apparent places."""
         by = np.delete(np.eye(self.mean.shape[1]), self.moving, 0)
         by[SHARED_COUNT:, self.moving] = np.tile(self.position.by_state, (len(self.tracks), 1))
-        shared = np.tile(np.arange(SHARED_COUNT), (len(self.tracks), 1))
-        index = np.concatenate((shared, np.arange(SHARED_COUNT, len(by)).reshape(-1, 2)), 1)
-        return np.asarray((by @ self.cov[0] @ by.T)[index[:, :, None], index[:, None, :]])
+        return np.asarray(by @ self.cov[0] @ by.T)
 
 
 def _full_noise(batch: MeasurementBatch, common: Array) -> Array:

@@ -1,5 +1,6 @@
 """A single fix without what the estimated parameters make of it: right where they are."""
 
+from math import inf
 from types import SimpleNamespace
 
 import msgspec
@@ -11,9 +12,10 @@ from simulated_world import World
 from fwav_companion.geometry.vectors import add
 from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.assessment import CalibratedPlace
-from fwav_companion.self_calibration.calibrated_fix import fix_by, known_parameters
+from fwav_companion.self_calibration.calibrated_fix import known_parameters
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_state import CalibrationState
+from fwav_companion.self_calibration.frame_fixes import FrameFixes
 from fwav_companion.types import BIAS_COUNT, Bias, Reason, Unpaired
 
 TARGET = (4.0, 3.0)
@@ -25,6 +27,8 @@ SMALL = {
 CALIBRATED = (*SMALL, Bias.READOUT, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z)
 
 LEAST_M = 0.1
+ON_PATH = ((0.0, 0.0, 0.0), (0.01**2, 0.02**2, 0.0))
+"""A report of the vehicle without noise, and the variance of what the path shows of that."""
 EXACT, NOISY = priors(height_noise_m=0.0), priors(position_noise_m=0.1, height_noise_m=0.0)
 
 
@@ -59,7 +63,7 @@ def parameters(biases):
 
 def linearly(known, fix, smoothed=None):
     """The fix by its sensitivities at the nominal capture."""
-    return known.corrected(fix, known.linear(fix), smoothed)
+    return FrameFixes([fix], None).alone(fix, known, smoothed, inf)
 
 
 @pytest.mark.parametrize("bias", list(SMALL))
@@ -105,46 +109,48 @@ def a_place(place_m):
     return CalibratedPlace(0.0, 0.0, square, 4.0, 3.0, square)
 
 
-def by_path(fix, place_m, off=(0.0, 0.0, 0.0)):
-    """The same at a fix, along a path that shows the noise of the report."""
-    return a_place(place_m).along_path(fix.sighting.state, (off, (0.01**2, 0.02**2, 0.0)))
+def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wanders_quickly=False):
+    """The fix by the state of self-calibration. ``report``: noise and variance of the vehicle's, by the path."""
+    passes = SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly))
+    motion = SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report))
+    assessment, context = SimpleNamespace(known=known), CalibrationContext(known.priors, state_at)
+    state = SimpleNamespace(assessment=assessment, passes=passes, motion=motion, context=context)
+    return CalibrationState.by_fix(state, fix, placed, claimed_m2)
 
 
 @pytest.mark.parametrize(("place_m", "chosen"), [(1.0, True), (0.01, False)])
 def test_the_fix_is_chosen_where_it_claims_less_than_the_place(place_m, chosen):
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    expected = linearly(known, fix)
+    expected = linearly(known, fix, ON_PATH)
     assert 0.02**2 < expected.claimed_m2 < 1.0
-    found = fix_by(fix, known, by_path(fix, place_m), 2.0 * place_m**2 + 0.01, known.linear)
+    found = by_fix(fix, known, a_place(place_m), 2.0 * place_m**2 + 0.01, report=ON_PATH)
+    assert found is not None
     assert (found == expected) is chosen
 
 
 def test_the_fix_alone_is_taken_where_the_position_does_not_wander_smoothly():
     """However little the place claims: it lags behind."""
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    passes = SimpleNamespace(served=SimpleNamespace(wanders_quickly=True))
-    context = SimpleNamespace(smoothed_report=lambda path, vehicle: None, on_ground=lambda known: known.linear)
-    assessment, motion = SimpleNamespace(known=known), SimpleNamespace(path=None)
-    state = SimpleNamespace(assessment=assessment, passes=passes, motion=motion, context=context)
-    assert CalibrationState.by_fix(state, fix, a_place(0.01), 1e-6) == linearly(known, fix)
+    found = by_fix(fix, known, a_place(0.01), 1e-6, report=ON_PATH, wanders_quickly=True)
+    assert found == linearly(known, fix, ON_PATH)
 
 
 def test_the_fix_is_chosen_without_a_path():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    assert a_place(0.01).along_path(fix.sighting.state, None) is None
-    assert fix_by(fix, known, None, 1.0, known.linear) == linearly(known, fix)
+    assert by_fix(fix, known, a_place(0.01), 1.0) == linearly(known, fix)
 
 
 def test_the_place_is_taken_without_the_noise_of_the_report_that_the_path_shows():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), NOISY)
-    found = fix_by(fix, known, by_path(fix, 0.03, off=(0.2, -0.1, 0.3)), 2.0 * (0.03**2 + 0.1**2), known.linear)
+    report = ((0.2, -0.1, 0.3), ON_PATH[1])
+    found = by_fix(fix, known, a_place(0.03), 2.0 * (0.03**2 + 0.1**2), report=report)
     assert (found.north, found.east) == pytest.approx((4.2, 2.9))
     assert found.cov == pytest.approx((0.03**2 + 0.01**2, 0.0, 0.03**2 + 0.02**2))
 
 
 def test_neither_is_taken_where_more_is_known_without_the_fix():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    assert fix_by(fix, known, by_path(fix, 0.03), 1e-6, known.linear) is None
+    assert by_fix(fix, known, a_place(0.03), 1e-6, report=ON_PATH) is None
 
 
 @pytest.mark.parametrize("delay_s", [0.058, -0.058])
@@ -155,19 +161,17 @@ def test_a_delay_of_a_third_of_a_beat_is_taken_out_by_the_attitude_at_the_captur
     world = a_world(biases, shape="hover", attitude_hz=200.0, flapping_deg=5.0, flapping_hz=7.0)
     fixes, known = [fix for view in world.frames() for fix in view.fixes][5:-5], parameters(biases)
     known = known_parameters(*known, EXACT)
-    on_ground = CalibrationContext(EXACT, world.state_at).on_ground(known)
     assert len(fixes) > 20
-    assert max(off_m(known.linear(fix)) for fix in fixes) > 1.0
-    assert max(off_m(on_ground(fix)) for fix in fixes) < 0.1
+    assert max(off_m(linearly(known, fix)) for fix in fixes) > 1.0
+    assert max(off_m(alone(known, fix, world.state_at)) for fix in fixes) < 0.1
 
 
 def test_the_fix_alone_is_not_taken_where_the_vehicle_at_its_capture_is_not_known():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
-    on_ground = CalibrationContext(EXACT, lambda _: Unpaired(Reason.STALE_ATTITUDE)).on_ground(known)
-    path = by_path(fix, 1.0)
-    assert on_ground(fix) is None
-    assert fix_by(fix, known, path, 9.0, on_ground) == path
-    assert fix_by(fix, known, None, 9.0, on_ground) is None
+    unknown = {"state_at": lambda _: Unpaired(Reason.STALE_ATTITUDE)}
+    assert by_fix(fix, known, a_place(1.0), 9.0, report=ON_PATH, **unknown).cov[0] == pytest.approx(1.0, rel=0.01)
+    assert by_fix(fix, known, a_place(1.0), 9.0, report=ON_PATH).cov[0] < 0.5
+    assert by_fix(fix, known, a_place(1.0), 9.0, **unknown) is None
 
 
 def test_a_sight_relative_to_the_vehicle_has_the_noise_of_its_own_report_alone():
@@ -180,9 +184,14 @@ def test_a_sight_relative_to_the_vehicle_has_the_noise_of_its_own_report_alone()
         state = world.state_at(boot_ns)
         return msgspec.structs.replace(state, position_ned=add(state.position_ned, (0.3, -0.2, 0.1)))
 
-    exact, with_noise = (CalibrationContext(EXACT, each).on_ground(known)(fix) for each in (world.state_at, noisy))
-    assert with_noise == pytest.approx(exact, abs=1e-9)
+    exact, with_noise = (alone(known, fix, each) for each in (world.state_at, noisy))
+    assert (with_noise.north, with_noise.east) == pytest.approx((exact.north, exact.east), abs=1e-9)
 
 
-def off_m(place):
-    return np.hypot(*np.subtract(place, TARGET))
+def alone(known, fix, state_at):
+    """The fix by the attitude at its capture."""
+    return FrameFixes([fix], state_at).alone(fix, known, None, inf)
+
+
+def off_m(found):
+    return np.hypot(*np.subtract((found.north, found.east), TARGET))
