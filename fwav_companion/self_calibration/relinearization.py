@@ -22,12 +22,12 @@ from fwav_companion.self_calibration.reassociation import near_places, reassocia
 
 MOST_KEPT = 1200
 """Frames: 40 s at 30 frames/s, 1 megabyte of one target and 5 of ten. They settle the linearization."""
-PASSES_AT = (60, 120, 240, 480)
-"""Measurements kept of each target, at which a new pass begins."""
-GROWTH = 1.6
-"""Measurements over those of the last pass, at which another begins while the mount is not known. Linearized 40 sights
-ago, a figure-eight that is seen for a few seconds at a time showed innovations that drift by a factor of 3.6, and no
-mount; linearized at its end it showed 1.7, and the mount."""
+GROWTH, SETTLED_GROWTH = 1.6, 2.0
+"""Measurements of each target over those of the last pass, at which another begins, while the mount is not known and
+once it is. Linearized 40 sights ago, a figure-eight that is seen for a few seconds at a time showed innovations that
+drift by a factor of 3.6, and no mount; linearized at its end it showed 1.7, and the mount."""
+ENOUGH = 400
+"""Measurements of each target at the last pass once the mount is known."""
 STEP = 2
 """Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
 STEPS_PER_S = 60.0
@@ -52,8 +52,6 @@ class Relinearization(msgspec.Struct, frozen=True):
     """Pass in progress, to be served next."""
     cursor: int = 0
     """Kept batches that it has taken."""
-    done: int = 0
-    """Passes of PASSES_AT begun after the first."""
     passed: float = 0.0
     """Measurements of each target when the last pass began."""
     tracks: frozenset[int] = frozenset()
@@ -153,14 +151,11 @@ class Relinearization(msgspec.Struct, frozen=True):
         return sum(len(batch.tracks) for batch in self.kept) / max(1, len(tracks))
 
     def _begun_again(self, context: CalibrationContext, *, settled: bool) -> Relinearization:
-        if self.served is None or not self.complete or (settled and self.done >= len(PASSES_AT)):
+        if self.served is None or not self.complete or (settled and self.passed >= ENOUGH):
             return self
         joint = self.served.best
-        measured_each = self._measured_of(joint.tracks)
-        planned = self.done < len(PASSES_AT) and measured_each >= PASSES_AT[self.done]
-        if not planned and (settled or measured_each < GROWTH * self.passed):
+        if self._measured_of(joint.tracks) < (SETTLED_GROWTH if settled else GROWTH) * self.passed:
             return self
         point = joint.mean[0, :SHARED_COUNT].copy()
         places = {track: place[0] for track, place in joint.targets.items()}
-        state = self._beginning(context.served_pass(point, joint.targets), point, places, joint.tracks)
-        return msgspec.structs.replace(state, done=self.done + planned)
+        return self._beginning(context.served_pass(point, joint.targets), point, places, joint.tracks)

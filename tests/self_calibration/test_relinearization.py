@@ -62,13 +62,13 @@ def test_a_pass_begins_at_a_number_of_measurements_of_each_live_target(batches):
     state = fed(Relinearization(), [*clutter, *batches[:12]]).only({1}).begun(context, POINT)
     for _ in range(12):
         state = state.advanced(context)
-    state = fed(state, batches[12:59], context)
+    state = fed(state, batches[12:23], context)
     assert state.served is not None
-    assert state.done == 0
-    assert fed(state, batches[59:62], context).done == 1
+    assert state.passed == 12
+    assert fed(state, batches[23:26], context).passed == passes.SETTLED_GROWTH * 12
 
 
-def test_while_the_mount_is_not_known_passes_follow_as_measurements_grow(batches):
+def test_passes_follow_as_measurements_grow_and_end_with_the_mount_known(batches, monkeypatch):
     context = CalibrationContext(FLIGHT.priors, None)
 
     def passed_at(*, settled):
@@ -79,11 +79,12 @@ def test_while_the_mount_is_not_known_passes_follow_as_measurements_grow(batches
             counts.append(state.passed)
         return list(dict.fromkeys(counts))
 
-    assert passed_at(settled=True) == [40, *passes.PASSES_AT[:1]]
+    assert passed_at(settled=True) == [40, passes.SETTLED_GROWTH * 40]
     counts = passed_at(settled=False)
     assert len(counts) >= 3
-    assert all(after >= min(passes.GROWTH * before, passes.PASSES_AT[0]) for before, after in pairwise(counts))
-    assert all(after <= passes.GROWTH * before + 2 for before, after in pairwise(counts))
+    assert all(0 <= after - passes.GROWTH * before <= 2 for before, after in pairwise(counts))
+    monkeypatch.setattr(passes, "ENOUGH", 40)
+    assert passed_at(settled=True) == [40]
 
 
 def test_too_many_to_keep_end_the_passes_and_what_is_served_goes_on(batches, monkeypatch):
