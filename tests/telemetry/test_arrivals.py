@@ -74,3 +74,56 @@ def test_without_its_rate_a_slow_clock_is_not_followed():
     placed = clock.host_from_boot(BootNs(98_000_000 * 299))
     assert isinstance(placed, int)
     assert placed < 29.5e9
+
+
+def paused(seed: int, *, mean_s: float, every_s: float) -> list[tuple[float, float]]:
+    """Beginning and length of each pause of a simulator, seconds, after the first ten."""
+    rng, pauses, t = random.Random(seed), [], 10.0
+    while t < 80.0:
+        t += rng.expovariate(1.0 / every_s)
+        pauses.append((t, rng.expovariate(1.0 / mean_s)))
+        t += pauses[-1][1]
+    return pauses
+
+
+@pytest.mark.parametrize(("rate", "mean_s", "every_s"), [(0.98, 0.1, 5.0), (0.8, 0.3, 10.0), (0.5, 1.0, 15.0)])
+def test_the_claim_holds_while_a_simulator_pauses_now_and_then(rate, mean_s, every_s):
+    """Judged at each message, 0.2 s back, as frames are; four flights, in which pauses are a fiftieth and more."""
+    outside = []
+    for seed in range(4):
+        clock, rng, pauses = Clock(rate), random.Random(seed), paused(seed, mean_s=mean_s, every_s=every_s)
+
+        def boot_s(t):
+            return 50.0 + rate * (t - sum(min(max(t - at, 0.0), long) for at, long in pauses))  # noqa: B023
+
+        for k in range(1600):
+            t = 0.05 * k
+            if any(at <= t < at + long for at, long in pauses):
+                continue
+            arrival = HostNs(round((900.001 + t + rng.expovariate(500.0)) * 1e9))
+            clock.on_arrival(BootNs(int(boot_s(t) * 1e3) * 1_000_000), arrival)
+            if t > 15.0:
+                then = HostNs(round((899.8 + t) * 1e9))
+                error_s = clock.boot_from_host(then) * 1e-9 - boot_s(t - 0.2)
+                outside.append(abs(error_s) > 1.96 * clock.sigma_s_at(then))
+    assert sum(outside) / len(outside) < 0.02
+
+
+def test_a_claim_that_a_pause_widened_is_narrow_again_when_the_line_has_followed():
+    clock = Clock(0.8)
+    for tenth in range(400):
+        boot_s = 50.0 + 0.08 * (tenth - 20 * (tenth > 220))
+        if not 200 < tenth <= 220:
+            clock.on_arrival(BootNs(int(boot_s * 1e3) * 1_000_000), HostNs((9000 + tenth) * 100_000_000))
+        if tenth == 225:
+            assert clock.sigma_s_at(HostNs(922_400_000_000)) > 0.8  # the line is 1.6 s off
+    assert clock.sigma_s_at(HostNs(939_000_000_000)) < 0.015
+
+
+def test_one_late_message_and_another_widen_nothing():
+    clock = Clock()
+    for tenth in range(300):
+        late_ns = 300_000_000 if tenth % 3 else 0
+        clock.on_arrival(BootNs(100_000_000 * tenth), HostNs(100_000_000 * tenth + late_ns + 10**12))
+        if tenth > 30 and tenth % 10 > 2:  # each second begins with what came first in it
+            assert clock.sigma_s_at(HostNs(100_000_000 * tenth + 10**12)) < 0.006

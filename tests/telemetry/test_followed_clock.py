@@ -47,6 +47,27 @@ def test_a_slip_is_followed_and_reported_once(slip_s, delay):
     assert wire.errors[-1][2].status is ClockStatus.SETTLED
 
 
+@pytest.mark.parametrize("slip_s", [0.08, -0.3, 0.9])
+def test_the_claim_covers_a_slip_from_the_first_exchange_that_shows_it(slip_s):
+    """Three exchanges decide that the clock slipped; until then the line is wrong by the slip."""
+    wire = Wire(up=LOOPBACK, down=LOOPBACK, drift=lambda t: slip_s if t > 40.35 else 0.0).run(39.95)
+    for k in range(1, 6):
+        wire.exchange(40.3 + 0.1 * k)
+        error_s, estimate = wire.error_s(40.35 + 0.1 * k)
+        assert abs(error_s) < 2.0 * estimate.sigma_s
+        assert abs(error_s) <= estimate.bound_s
+        assert wire.clock.sigma_s_at(estimate.at_ns) == estimate.sigma_s
+    assert abs(error_s) < 1e-3
+
+
+def test_one_answer_of_another_clock_does_not_widen_the_claim():
+    ours, spoiled = (Wire(up=LOOPBACK, down=LOOPBACK).run(40.0) for _ in range(2))
+    spoiled.boot_start_s += 500.0
+    spoiled.exchange(40.0)
+    spoiled.boot_start_s -= 500.0
+    assert spoiled.error_s(40.1)[1].sigma_s == ours.error_s(40.1)[1].sigma_s
+
+
 def test_an_instant_before_the_slip_keeps_its_offset():
     wire = Wire(up=LOOPBACK, down=LOOPBACK, drift=lambda t: 0.077 if t > 40.0 else 0.0, requests_hz=lambda t: 10.0)
     for k in range(405):

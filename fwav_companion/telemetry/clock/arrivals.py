@@ -14,6 +14,9 @@ BUCKETS, SIMULATED_BUCKETS = 30, 6
 RATE_VARIES = 0.02
 """One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time."""
 ARRIVALS_TO_BEGIN = 10
+LATE_ARRIVALS = 3
+"""Arrivals in a row of which the least late counts: one or two may be late by chance. The least of three exponential
+delays is a third of their mean."""
 
 LEAST_DELAY_SIGMA_S = 5e-3
 """One sigma of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a
@@ -28,11 +31,27 @@ class ArrivalEnvelope:
     Stamps are truncated to whole milliseconds, which only makes a message look later: the envelope needs no correction.
     """
 
-    __slots__ = ("_buckets", "_count", "_least_skew", "_most_skew", "_stored", "_unsteady", "line")
+    __slots__ = (
+        "_buckets",
+        "_count",
+        "_late",
+        "_least_late_ns",
+        "_least_skew",
+        "_most_skew",
+        "_stored",
+        "_unsteady",
+        "late_s",
+        "line",
+    )
 
     def __init__(self, rate: float = 1.0) -> None:
         """``rate``: of the autopilot's clock, if it is not a crystal's; it varies by as much as it differs from 1."""
         self.line: ClockLine | None = None
+        self.late_s = 0.0
+        """By how much the newest arrivals are later than the line, seconds, beyond its own sigma: the clock stood still
+        for a while, as a simulator's does, or a queue has grown. The line follows a clock that did only when the
+        buckets before are gone."""
+        self._late, self._least_late_ns = 0, 0
         room = max(MOST_SKEW, abs(1.0 - rate))
         self._stored = BUCKETS if room == MOST_SKEW else SIMULATED_BUCKETS
         self._unsteady = RATE_VARIES * abs(1.0 - rate)
@@ -45,6 +64,13 @@ class ArrivalEnvelope:
         """Take the stamp and the arrival of a message."""
         self._count += 1
         offset_ns = arrival_ns - stamp_ns
+        line = self.line
+        if line is not None:
+            late_ns = offset_ns - line.offset_ns - round(line.skew * (arrival_ns - line.ref_host_ns))
+            self._least_late_ns = late_ns if self._late == 0 else min(self._least_late_ns, late_ns)
+            self._late = (self._late + 1) % LATE_ARRIVALS
+            if self._late == 0:
+                self.late_s = max(0, self._least_late_ns) * 1e-9
         bucket = (stamp_ns if self._stored == BUCKETS else arrival_ns) // BUCKET_NS
         if self._buckets and self._buckets[-1][0] >= bucket:
             if offset_ns >= self._buckets[-1][2] and (self.line is not None or self._count != ARRIVALS_TO_BEGIN):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import hypot, inf
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.arrivals import ArrivalEnvelope
@@ -111,7 +111,7 @@ class Clock:
         basis = self._basis or self._chosen()
         if basis is None:
             return inf
-        return basis.sigma_s(host_ns) if isinstance(basis, ClockLine) else basis.offset_at(host_ns)[2]
+        return self._line_sigma_s(basis, host_ns) if isinstance(basis, ClockLine) else basis.offset_at(host_ns)[2]
 
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
@@ -136,9 +136,8 @@ class Clock:
                 round_trip_s=None,
                 status=ClockStatus.UNKNOWN,
             )
-        offset_ns = line.offset_ns_at(now)
+        offset_ns, sigma_s = line.offset_ns_at(now), self._line_sigma_s(line, now)
         if line is self._arrivals.line:
-            sigma_s = line.sigma_s(now)
             bound_s = max(self._arrivals.bound_s(now, offset_ns), BEYOND_DOUBT * sigma_s)
             return ClockEstimate(
                 at_ns=now,
@@ -149,7 +148,6 @@ class Clock:
                 round_trip_s=None,
                 status=ClockStatus.ARRIVALS,
             )
-        sigma_s = line.sigma_s(now)
         settled = not self.in_doubt and sigma_s <= SETTLED_SIGMA_S
         return ClockEstimate(
             at_ns=now,
@@ -198,6 +196,14 @@ class Clock:
         self._followed, self._exchanges = None, ExchangeFit()
         for entry in calm:
             self._exchanges.insert(entry)
+
+    def _line_sigma_s(self, line: ClockLine, host_ns: HostNs) -> float:
+        """One sigma of the line's offset, with what the newest arrivals or exchanges say against it, seconds."""
+        if line is self._arrivals.line:
+            return hypot(line.sigma_s(host_ns), self._arrivals.late_s)
+        if not self._exchanges.contradicting:
+            return line.sigma_s(host_ns)
+        return hypot(line.sigma_s(host_ns), self._exchanges.contradiction_s(line.offset_ns_at(host_ns)))
 
     def _line(self) -> ClockLine | None:
         exchanges, arrivals = self._exchanges.line, self._arrivals.line

@@ -31,6 +31,8 @@ FIT_EVERY_NS = 900_000_000
 LIKELIER_BY, LIKELIER_BY_EACH = 5.0, 0.05
 """Log likelihood, in total and for every exchange, by which the more precise of two descriptions must win. An
 exponential tail gains 0.18 an exchange; a rounder one (the sum of two such) loses 0.08."""
+WILD_NS = NS_PER_S
+"""Distance of a single contradiction beyond which it may be another node's answer, as for a clock that is followed."""
 CONTRADICTIONS_FOR_A_STEP = 3
 """Contradictions in a row: one may be another node's answer; three are a clock that slips or has another rate."""
 LONGEST_TAIL = 64
@@ -127,6 +129,16 @@ class ExchangeFit:
         """The newest exchanges, if they contradict those before."""
         return self._contradicting
 
+    def contradiction_s(self, offset_ns: int) -> float:
+        """Largest distance of this offset from the exchanges that contradict those before it, seconds; 0 without any.
+
+        A single one far away is another clock's answer until a second one agrees.
+        """
+        distances_ns = [abs(entry.offset_ns - offset_ns) + entry.round_trip_ns // 2 for entry in self._contradicting]
+        if len(distances_ns) == 1 and distances_ns[0] > WILD_NS:
+            return 0.0
+        return max(distances_ns, default=0) * 1e-9
+
     def newest(self, count: int) -> list[Exchange]:
         """The newest exchanges of the window, oldest first."""
         return self._window[-count:]
@@ -134,7 +146,8 @@ class ExchangeFit:
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
         """Bound of the error of ``offset_ns`` at ``now``, seconds: drift is at most 600 ppm."""
         low_ns, high_ns = self._bound.interval(now)
-        return max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
+        by_drift_s = max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
+        return max(by_drift_s, self.contradiction_s(offset_ns)) if self._contradicting else by_drift_s
 
     def _take(self, entry: Exchange) -> None:
         self._bound.take(entry)
