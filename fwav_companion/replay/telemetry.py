@@ -20,6 +20,7 @@ from fwav_companion.recording.flight_log import FlightLog
 from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.time_checks import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, read_tlog
+from fwav_companion.telemetry.clock.followed import FASTEST, SLOWEST
 from fwav_companion.types import Message
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
@@ -36,8 +37,6 @@ LEAST_DEPARTURE, PACE_SIGMAS = 2e-3, 4.0
 chance."""
 MEDIAN_SIGMA = 1.858
 """One sigma of a median of Gaussians in median absolute deviations over sqrt(n): 1.4826 sqrt(pi / 2)."""
-MOST_PACE = 10.0
-"""Rate, or its inverse, up to which an autopilot's clock is followed."""
 
 Timed = tuple[int, Message]
 """(Unix microseconds, message)."""
@@ -69,7 +68,7 @@ def read_telemetry(data: bytes) -> TelemetryRead:
         latest_us = max(latest_us, record.unix_us)
         messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
     rate = _clock_rate(messages)
-    if 1.0 / MOST_PACE <= rate <= MOST_PACE:
+    if SLOWEST <= rate <= FASTEST:
         return TelemetryRead(messages, skipped, notes, clock_rate=rate)
     note = f"the autopilot's clock runs {rate:.3g} times as fast as the recorder's (a simulator?)"
     note = f"{note}: detections on another clock do not fit; accepted: time_boot"

@@ -85,9 +85,10 @@ class _GimbalAttitude(msgspec.Struct, frozen=True, gc=False, order=True):
 class Gimbal:
     """One gimbal, by the configured id: 1 to 6 behind the autopilot, else the MAVLink component itself."""
 
-    def __init__(self, device_id: int) -> None:
-        self._device_id = device_id
-        self._clock = Clock()
+    def __init__(self, device_id: int, clock_rate: float = 1.0) -> None:
+        """``clock_rate``: as that of the vehicle's clock; a simulator's gimbal runs with it."""
+        self._device_id, self._clock_rate = device_id, clock_rate
+        self._clock = Clock(clock_rate)
         self._timeline = BootTimeline()
         self._looks: list[_GimbalAttitude] = []
         self._by_autopilot = device_id <= LAST_NON_MAVLINK_DEVICE
@@ -151,7 +152,7 @@ class Gimbal:
 
     def clear(self) -> None:
         """Delete every attitude, and the estimate of the gimbal's clock."""
-        self._clock = Clock()
+        self._clock = Clock(self._clock_rate)
         self._looks.clear()
         self._checks = 0
 

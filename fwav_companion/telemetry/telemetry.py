@@ -69,7 +69,8 @@ class Telemetry:
         self.world = World(use_position=options.position != "none")
         self._timeline = BootTimeline()
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
-        self._gimbal = Gimbal(options.gimbal_device_id) if options.gimbal_device_id else None
+        device_id = options.gimbal_device_id
+        self._gimbal = Gimbal(device_id, options.clock_rate) if device_id else None
         bias = PositionBias() if options.position_bias_by_receiver else None
         self._kept = VehicleHistory(
             self.clock, self._stamps, self._gimbal, ns_from_s(options.attitudes_kept_s), position_bias=bias

@@ -11,6 +11,7 @@ from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
+from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.types import GimbalAt, Message, Reason
 
 Fields = namedtuple("Fields", "time_boot_ms flags q delta_yaw gimbal_device_id")
@@ -236,3 +237,28 @@ def test_one_attitude_around_a_photograph_is_enough(near_s, expected):
         w, x, y, z = at.ned_from_gimbal
         assert (look(0.0).inv() * Rotation.from_quat([x, y, z, w])).magnitude() < 1e-6
         assert at.sigma == pytest.approx(0.01, rel=0.05)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.9, 2.0])
+def test_a_simulators_gimbal_is_placed_by_a_clock_of_the_simulators_rate(rate):
+    """Both clocks run at this rate and are known by arrivals alone; the gimbal turns at 8 deg/s of them."""
+    gimbal, autopilot = Gimbal(154, rate), Clock(rate)
+    for tenth in range(401):
+        t_s, host_ns = rate * 0.1 * tenth, HostNs(100_000_000 * tenth)
+        autopilot.on_arrival(BootNs(round((BOOT_S + t_s) * 1e9)), host_ns)
+        gimbal.on_message(fields(t_s, quaternion(look(t_s))), host_ns)
+    then_s = rate * 39.7
+    found = gimbal.at(BootNs(round((BOOT_S + then_s) * 1e9)), autopilot, LEVEL)
+    assert isinstance(found, GimbalAt)
+    off = (look(then_s).inv() * Rotation.from_quat(np.roll(found.ned_from_gimbal, -1))).magnitude()
+    assert np.degrees(off) < 0.05
+
+
+def test_the_rate_of_telemetry_is_that_of_its_gimbal():
+    telemetry = Telemetry(TelemetryOptions(gimbal_device_id=154, clock_rate=0.5))
+    for tenth in range(200):
+        t_s, host_ns = 0.05 * tenth, HostNs(100_000_000 * tenth)
+        message = Message("GIMBAL_DEVICE_ATTITUDE_STATUS", 1, 154, "", fields(t_s, NO_TURN))
+        telemetry.on_gimbal(message, 1, host_ns)
+    reported = telemetry.status(HostNs(19_900_000_000)).gimbal
+    assert reported.age_s == pytest.approx(0.0, abs=0.002)

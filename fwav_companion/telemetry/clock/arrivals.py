@@ -10,9 +10,13 @@ from fwav_companion.telemetry.clock.envelopes import lower_hull
 
 BUCKET_NS = NS_PER_S
 BUCKETS, SIMULATED_BUCKETS = 30, 6
-"""Seconds, of each of which the least delay is stored; and those of a simulator, whose rate varies with its load."""
+"""Seconds, of each of which the least delay is stored; and those of a simulator, whose rate varies with its load. In a
+recorded flight of PX4's simulator at 0.987 of real time these least delays lie within 3 ms of a line over 6 s (median),
+within 14 ms over 30 s; over 2 s a single late one bends the line."""
 RATE_VARIES = 0.02
-"""One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time."""
+"""One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time: the
+follower's RATE_WANDER at a departure of a tenth. At the recorded 0.987 the term is 0.8 ms, and the whole claim there is
+2.5 times the error; pauses are LATE_ARRIVALS' part."""
 ARRIVALS_TO_BEGIN = 10
 LATE_ARRIVALS = 3
 """Arrivals in a row of which the least late counts: one or two may be late by chance. The least of three exponential
