@@ -93,11 +93,24 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
         kept=kept,
         skipped=telemetry.skipped,
         skipped_lines=skipped_lines,
-        notes=telemetry.notes,
+        notes=[*telemetry.notes, *_later_and_later(telemetry, unix_offset_ns)],
         detection_notes=[*_other_times(telemetry.messages, frames, unix_offset_ns), *_shares(frames)],
         exact_stamps=telemetry.exact_stamps,
         clock_rate=telemetry.clock_rate,
     )
+
+
+def _later_and_later(telemetry: TelemetryRead, unix_offset_ns: int) -> list[str]:
+    """A note where arrivals alone show a slow clock: a queue that grows through the whole recording looks the same.
+
+    With the companion's own TIMESYNC requests in the recording their answers show the clock.
+    """
+    messages, slow = telemetry.messages, 1.0 - telemetry.clock_rate
+    if slow <= 0.0 or unix_offset_ns != 0:
+        return []
+    late_s = slow * (messages[-1][0] - messages[0][0]) * 1e-6
+    slower = f"its stamps run {1e2 * slow:.2g} % slower than its arrivals: followed as a simulator's clock"
+    return [f"{slower}; on a real vehicle the link's queue grew to {late_s:.1f} s instead, and places are that late"]
 
 
 def _other_times(messages: Sequence[Timed], entries: Sequence[object], unix_offset_ns: int) -> list[str]:

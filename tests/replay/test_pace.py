@@ -65,6 +65,25 @@ def test_a_queue_that_grows_and_empties_is_no_pace():
     assert read_telemetry(recording(1.0, late_s=late_s)).clock_rate == 1.0
 
 
+@pytest.mark.parametrize(("rate", "late_s"), [(0.98, None), (1.0, lambda t: 0.02 * t)], ids=["slow clock", "queue"])
+def test_a_slow_clock_and_a_growing_queue_are_named_together(rate, late_s):
+    """Arrivals and stamps are the same in both: the user knows which of the two it was."""
+    (note,) = read_recording(recording(rate, late_s=late_s), b"", frozenset()).notes
+    assert note.startswith("its stamps run 2 % slower than its arrivals")
+    assert "queue grew to 1.2 s instead" in note
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.9])
+def test_no_queue_is_named_where_stamps_do_not_fall_behind(rate):
+    assert not read_recording(recording(rate), b"", frozenset()).notes
+
+
+def test_no_queue_is_named_where_answers_show_the_clock():
+    request = Encoder(1, 191).encode("TIMESYNC", {"tc1": 0, "ts1": 10**12})
+    data = recording(0.98) + tlog_record(BEGUN_US + 60_000_000, request)
+    assert not read_recording(data, b"", frozenset({191})).notes
+
+
 @pytest.mark.parametrize("rate", [0.5, 0.98, 3.0])
 def test_a_replay_pairs_frames_of_the_recorders_clock_with_a_simulators_attitudes(rate):
     """Without a height there is no fix: that reason comes after the pairing."""
