@@ -92,6 +92,27 @@ def noise_area_px2(fix: GroundFix) -> float:
     return max(LEAST_NOISE_PX2, 2.0 * pi * sqrt(max(0.0, nn * ee - ne * ne)) / ground_per_px2)
 
 
+class _Frame(msgspec.Struct, frozen=True):
+    """Tracks and fixes of a frame."""
+
+    candidates: Sequence[Candidate]
+    fixes: Sequence[GroundFix]
+    clutter_llr: Mapping[int, float]
+    """CLUTTER_LLR of the fixes that a track may take, by index."""
+
+    def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
+        """The cost of candidate i with fix j: negative, the lower the better; None outside the gate."""
+        detector_id = self.fixes[j].sighting.detection.detector_id
+        if detector_id is not None and detector_id == self.candidates[i].detector_id:
+            return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
+        cost = gated.nis + gated.log_det_ratio - self.clutter_llr[j]
+        return cost if gated.nis < gate and cost < 0.0 else None
+
+    def standing(self, i: int) -> StandingTargetState:
+        """The target of candidate i in a frame that is gated jointly: all of them stand."""
+        return cast("StandingTargetState", self.candidates[i].target)
+
+
 def associate(
     candidates: Sequence[Candidate],
     fixes: Sequence[GroundFix],
@@ -106,13 +127,14 @@ def associate(
     ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
-    costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
+    frame = _Frame(candidates, fixes, clutter_llr)
+    costs = _refined(_costs(possible, frame), frame)
     first = [candidate.target for candidate in candidates[:1]]  # all are of one filter
     nonlinear = any(isinstance(target, StandingTargetState) and target.nonlinear for target in first)
     if nonlinear or not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
         joint = None
     if joint is not None:
-        costs = _jointly(costs, candidates, fixes, clutter_llr, joint)
+        costs = _jointly(costs, frame, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
         prior = _with_priority(costs, candidates, nonlinear=nonlinear)
@@ -120,7 +142,7 @@ def associate(
     if joint is not None:
         for i, j in taken.items():
             if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
-                joint.learn(cast("StandingTargetState", candidates[i].target), fixes[j], steady=False)
+                joint.learn(frame.standing(i), fixes[j], steady=False)
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
@@ -148,18 +170,12 @@ def _possible(
     return possible, clutter_llr
 
 
-def _costs(
-    possible: Mapping[int, Sequence[int]],
-    candidates: Sequence[Candidate],
-    fixes: Sequence[GroundFix],
-    clutter_llr: Mapping[int, float],
-) -> dict[tuple[int, int], float]:
+def _costs(possible: Mapping[int, Sequence[int]], frame: _Frame) -> dict[tuple[int, int], float]:
     """The costs of the pairs that the gates accept."""
     costs: dict[tuple[int, int], float] = {}
     for i, near in possible.items():
-        candidate = candidates[i]
-        for j, gated in zip(near, _gated(candidate.target, [fixes[j] for j in near]), strict=True):
-            cost = None if gated is OUTSIDE_GATE else _cost(candidate, fixes[j], gated, clutter_llr[j])
+        for j, gated in zip(near, _gated(frame.candidates[i].target, [frame.fixes[j] for j in near]), strict=True):
+            cost = None if gated is OUTSIDE_GATE else frame.cost(i, j, gated)
             if cost is not None:
                 costs[i, j] = cost
     return costs
@@ -170,24 +186,16 @@ def _gated(target: TargetState, fixes: Sequence[GroundFix]) -> Sequence[GateResu
     return target.gates(fixes) if isinstance(target, StandingTargetState) else [target.gate(fix) for fix in fixes]
 
 
-def _refined(
-    costs: dict[tuple[int, int], float],
-    candidates: Sequence[Candidate],
-    fixes: Sequence[GroundFix],
-    clutter_llr: Mapping[int, float],
-) -> dict[tuple[int, int], float]:
+def _refined(costs: dict[tuple[int, int], float], frame: _Frame) -> dict[tuple[int, int], float]:
     """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
-    if all(candidate.refined is None for candidate in candidates):
+    if all(candidate.refined is None for candidate in frame.candidates):
         return costs
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
     refined: dict[tuple[int, int], float] = {}
     for (i, j), coarse in costs.items():
-        target = candidates[i].refined
+        target = frame.candidates[i].refined
         unambiguous = rows[i] == 1 and columns[j] == 1
-        if target is None or unambiguous:
-            cost: float | None = coarse
-        else:
-            cost = _cost(candidates[i], fixes[j], target.gate(fixes[j]), clutter_llr[j])
+        cost = coarse if target is None or unambiguous else frame.cost(i, j, target.gate(frame.fixes[j]))
         if cost is not None:
             refined[i, j] = cost
     return refined
@@ -199,33 +207,23 @@ def _is_doubtful(candidates: Sequence[Candidate]) -> bool:
     return not steady and all(isinstance(candidate.target, StandingTargetState) for candidate in candidates)
 
 
-def _jointly(
-    costs: dict[tuple[int, int], float],
-    candidates: Sequence[Candidate],
-    fixes: Sequence[GroundFix],
-    clutter_llr: Mapping[int, float],
-    joint: JointGate,
-) -> dict[tuple[int, int], float]:
+def _jointly(costs: dict[tuple[int, int], float], frame: _Frame, joint: JointGate) -> dict[tuple[int, int], float]:
     """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
 
-    Confirmed tracks show it: first the steady ones, then those whose pair is SURE given these. A pair of a steady track
-    is in doubt where another track, which is not steady, may take its fix.
+    A pair of a steady track is in doubt where another track, which is not steady, may take its fix.
     """
-    doubtful = {j for i, j in costs if not candidates[i].steady}
+    candidates, doubtful = frame.candidates, {j for i, j in costs if not frame.candidates[i].steady}
 
     def joint_cost(i: int, j: int) -> float | None:
         if candidates[i].refined is not None or j not in doubtful:
             return costs[i, j]
-        gated = joint.gate(cast("StandingTargetState", candidates[i].target), fixes[j])
-        return _cost(candidates[i], fixes[j], gated, clutter_llr[j], gate=JOINT_GATE)
+        return frame.cost(i, j, joint.gate(frame.standing(i), frame.fixes[j]), gate=JOINT_GATE)
 
     gated_after = None
     for _ in range(ROUNDS):
-        rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
-        alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
-        for i, j in sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair])):
+        for i, j in _unambiguous(costs, candidates):
             if candidates[i].steady or (joint_cost(i, j) or 0.0) <= SURE:
-                joint.learn(cast("StandingTargetState", candidates[i].target), fixes[j], steady=candidates[i].steady)
+                joint.learn(frame.standing(i), frame.fixes[j], steady=candidates[i].steady)
         if joint.pairs == gated_after:
             break
         gated_after = joint.pairs
@@ -233,6 +231,13 @@ def _jointly(
         if len(costs) == len(before):
             break
     return costs
+
+
+def _unambiguous(costs: Mapping[tuple[int, int], float], candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
+    """The pairs of confirmed tracks without another partner: those of steady ones first, then by their costs."""
+    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
+    alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
+    return sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair]))
 
 
 def _with_priority(
@@ -265,17 +270,6 @@ def _with_misses(
         return costs
     seen = {i for i in {i for i, _ in costs} if could_see(candidates[i].target.apparent_ned)}
     return {(i, j): cost - miss_cost * (i in seen) for (i, j), cost in costs.items()}
-
-
-def _cost(
-    candidate: Candidate, fix: GroundFix, gated: GateResult, clutter_llr: float, *, gate: float = GATE
-) -> float | None:
-    """The cost of a pair: negative, the lower the better; None outside the gate."""
-    detector_id = fix.sighting.detection.detector_id
-    if detector_id is not None and detector_id == candidate.detector_id:
-        return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
-    cost = gated.nis + gated.log_det_ratio - clutter_llr
-    return cost if gated.nis < gate and cost < 0.0 else None
 
 
 def _assigned(costs: dict[tuple[int, int], float]) -> dict[int, int]:
