@@ -29,6 +29,8 @@ CONFIRMED_BONUS = 8.0
 fix from it."""
 LAST = 1e-3
 """Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
+LEFT = 1e-2
+"""The same of a steady track that may be out of view, for a fix that is more likely clutter: before tentative ones."""
 SURE = -6.0
 """Cost of a pair that shows the common biases although its track coasted: odds of 20 to 1."""
 JOINT_GATE = 13.8
@@ -99,14 +101,20 @@ class _Frame(msgspec.Struct, frozen=True):
     fixes: Sequence[GroundFix]
     clutter_llr: Mapping[int, float]
     """CLUTTER_LLR of the fixes that a track may take, by index."""
+    miss_cost: float
+    """Cost of a target in view that stays without a fix."""
 
     def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
-        """The cost of candidate i with fix j: negative, the lower the better; None outside the gate."""
+        """The cost of candidate i with fix j, the lower the better; None outside the gate.
+
+        A steady track takes a fix that is more likely clutter, too, where a missed detection is less likely still.
+        """
         detector_id = self.fixes[j].sighting.detection.detector_id
         if detector_id is not None and detector_id == self.candidates[i].detector_id:
             return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
         cost = gated.nis + gated.log_det_ratio - self.clutter_llr[j]
-        return cost if gated.nis < gate and cost < 0.0 else None
+        most = self.miss_cost if self.candidates[i].steady else 0.0
+        return cost if gated.nis < gate and cost < most else None
 
     def standing(self, i: int) -> StandingTargetState:
         """The target of candidate i in a frame that is gated jointly: all of them stand."""
@@ -127,7 +135,7 @@ def associate(
     ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
-    frame = _Frame(candidates, fixes, clutter_llr)
+    frame = _Frame(candidates, fixes, clutter_llr, against.miss_cost)
     costs = _refined(_costs(possible, frame), frame)
     first = [candidate.target for candidate in candidates[:1]]  # all are of one filter
     nonlinear = any(isinstance(target, StandingTargetState) and target.nonlinear for target in first)
@@ -137,8 +145,7 @@ def associate(
         costs = _jointly(costs, frame, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
-        prior = _with_priority(costs, candidates, nonlinear=nonlinear)
-        taken = _assigned(_with_misses(prior, candidates, against.miss_cost, could_see))
+        taken = _assigned(_with_priority(_with_misses(costs, frame, could_see), frame, nonlinear=nonlinear))
     if joint is not None:
         for i, j in taken.items():
             if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
@@ -162,7 +169,7 @@ def _possible(
         detection = fix.sighting.detection
         if detection.label in targets:
             llr = clutter_llr[j] = against.llr_of(fix) + against.detection_odds
-            gate = max(0.0, min(GATE, llr)) if detection.detector_id is None else ID_GATE
+            gate = max(0.0, min(GATE, llr + against.miss_cost)) if detection.detector_id is None else ID_GATE
             by_label[detection.label].append((j, fix, gate))
     possible: dict[int, list[int]] = {}
     for label, of_label in by_label.items():
@@ -240,8 +247,27 @@ def _unambiguous(costs: Mapping[tuple[int, int], float], candidates: Sequence[Ca
     return sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair]))
 
 
+def _with_misses(
+    costs: dict[tuple[int, int], float], frame: _Frame, could_see: Callable[[Vector3], bool] | None
+) -> dict[tuple[int, int], float]:
+    """The costs less that of a miss, for the confirmed tracks in view.
+
+    A tentative track without a fix may be of clutter: then no target was missed. A steady track that the image's edge
+    may hide takes a fix that is left.
+    """
+    miss_cost, candidates = frame.miss_cost, frame.candidates
+    if could_see is None or miss_cost <= 0.0:
+        return costs
+    rows = {i for i, _ in costs if candidates[i].confirmed}
+    seen = {i for i in rows if could_see(candidates[i].target.apparent_ned)}
+    return {
+        (i, j): cost - miss_cost if i in seen else LEFT * (cost - miss_cost) if cost > 0.0 else cost
+        for (i, j), cost in costs.items()
+    }
+
+
 def _with_priority(
-    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate], *, nonlinear: bool
+    costs: dict[tuple[int, int], float], frame: _Frame, *, nonlinear: bool
 ) -> dict[tuple[int, int], float]:
     """The costs by which confirmed tracks come first.
 
@@ -251,25 +277,12 @@ def _with_priority(
     camera the handicap loses or doubles a target in three, the reward in none. One rule for both, the odds that a track
     exists and is detected, does so in one, and in six of sixty over thirty targets, where the handicap does in four.
     """
+    confirmed = [candidate.confirmed for candidate in frame.candidates]
     if nonlinear:
-        return {(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()}
+        return {(i, j): cost - CONFIRMED_BONUS * confirmed[i] for (i, j), cost in costs.items()}
     return {
-        (i, j): cost if candidates[i].confirmed else min(cost + CONFIRMED_BONUS, LAST * cost)
-        for (i, j), cost in costs.items()
+        (i, j): cost if confirmed[i] else min(cost + CONFIRMED_BONUS, LAST * cost) for (i, j), cost in costs.items()
     }
-
-
-def _with_misses(
-    costs: dict[tuple[int, int], float],
-    candidates: Sequence[Candidate],
-    miss_cost: float,
-    could_see: Callable[[Vector3], bool] | None,
-) -> dict[tuple[int, int], float]:
-    """The costs less that of a miss, for the tracks in view."""
-    if could_see is None or miss_cost <= 0.0:
-        return costs
-    seen = {i for i in {i for i, _ in costs} if could_see(candidates[i].target.apparent_ned)}
-    return {(i, j): cost - miss_cost * (i in seen) for (i, j), cost in costs.items()}
 
 
 def _assigned(costs: dict[tuple[int, int], float]) -> dict[int, int]:

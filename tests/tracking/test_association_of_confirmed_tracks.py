@@ -74,6 +74,31 @@ def test_a_target_in_view_takes_the_fix_unless_the_one_out_of_view_is_far_likeli
     assert [tracks[i].apparent_ned[0] for i in taken] == [takes]
 
 
+def test_a_tentative_track_in_view_was_not_missed():
+    """A confirmed track that the image's edge may hide, and a tentative one in view, 20 times as likely. The latter has
+    no reward for a miss that is avoided: it may be of clutter.
+    """
+    confirmed, tentative = At(1.0 + 2.0 * np.log(20.0), 9.0), At(1.0, 4.0)
+    taken = associate(
+        [Candidate("target", confirmed, None), Candidate("target", tentative, None, confirmed=False)],
+        [a_fix(0.0, (4, 3, 0), label="target")],
+        clutter(DetectorModel(detection_probability=0.9), 640.0 * 480.0),
+        lambda place: place[0] < 5.0,
+    )
+    assert list(taken) == [0]
+
+
+@pytest.mark.parametrize(("beyond", "takes"), [(4.0, True), (5.0, False)])
+@pytest.mark.parametrize("steady", [True, False])
+def test_a_steady_track_takes_a_fix_that_is_less_unlikely_than_a_miss(beyond, takes, steady):
+    """A detector that finds 9 of 10: twice the log of 9 is 4.4. ``beyond``: cost of the fix against clutter."""
+    fix, against = a_fix(0.0, (4, 3, 0), label="target"), clutter(DetectorModel(detection_probability=0.9), 1000.0)
+    expecting = Expecting(3.0, against.llr_of(fix) - 3.0 + beyond)
+    taken = associate([Candidate("target", expecting, None, steady=steady)], [fix], against)
+    assert list(taken) == ([0] if takes and steady else [])
+    assert all(llr == pytest.approx(-0.5 * beyond) for _, llr in taken.values()), "it is evidence against the track"
+
+
 def test_a_confirmed_track_leaves_its_fix_to_no_other_for_a_false_detection():
     """A fix of the first target, and clutter near it: that two confirmed tracks have fixes then is no reward."""
     fix, false = a_fix(0.0, (4, 3, 0), label="target"), a_fix(0.0, (7, 3, 0), label="target")
