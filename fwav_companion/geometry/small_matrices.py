@@ -19,6 +19,12 @@ def inner(a: Row, b: Row) -> float:
     return 0.5 * (hypot(*a) ** 2 + hypot(*b) ** 2 - dist(a, b) ** 2)
 
 
+def product(rows: Sequence[Row], b: Row) -> Row:
+    """The matrix of these rows times the column b: ``inner`` of each with b."""
+    b2 = hypot(*b) ** 2
+    return tuple([0.5 * (hypot(*a) ** 2 + b2 - dist(a, b) ** 2) for a in rows])
+
+
 def gram(n: Row, e: Row) -> Symmetric2:
     """The inner products nn, ne, ee of two rows."""
     nn, ee = hypot(*n) ** 2, hypot(*e) ** 2

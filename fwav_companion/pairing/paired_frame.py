@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.geometry.vectors import Matrix3, Vector3, subtract, transform, transpose
+from fwav_companion.geometry.vectors import Matrix3, Vector3, combination, subtract
 from fwav_companion.types import Lens, NoRay, Reason, Sighting, Unpaired, VehicleState
 
 
@@ -23,7 +23,8 @@ class CameraView(msgspec.Struct, frozen=True):
 
     def pixel_of(self, position_ned: Vector3) -> tuple[float, float] | None:
         """The pixel of a point; None outside the image and outside the valid range of the lens."""
-        in_camera = transform(transpose(self.ned_from_camera), subtract(position_ned, self.camera_ned))
+        # The matrix is a rotation: its rows are the columns of its inverse.
+        in_camera = combination(self.ned_from_camera, subtract(position_ned, self.camera_ned))
         pixel = self.lens.pixel_from_camera_point(in_camera)
         if isinstance(pixel, NoRay):
             return None

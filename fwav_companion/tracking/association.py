@@ -19,7 +19,7 @@ from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
-from fwav_companion.tracking.filters.standing import StandingTargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState, gates_of
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
@@ -130,6 +130,7 @@ def associate(
 ) -> dict[int, tuple[int, float]]:
     """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter.
 
+    ``candidates``: one at least, all of one filter.
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
     ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
@@ -137,15 +138,17 @@ def associate(
     possible, clutter_llr = _possible(candidates, fixes, against)
     frame = _Frame(candidates, fixes, clutter_llr, against.miss_cost)
     costs = _refined(_costs(possible, frame), frame)
-    first = [candidate.target for candidate in candidates[:1]]  # all are of one filter
-    nonlinear = any(isinstance(target, StandingTargetState) and target.nonlinear for target in first)
+    first = candidates[0].target
+    nonlinear = isinstance(first, StandingTargetState) and first.nonlinear
     if nonlinear or not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
         joint = None
     if joint is not None:
         costs = _jointly(costs, frame, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
-        taken = _assigned(_with_priority(_with_misses(costs, frame, could_see), frame, nonlinear=nonlinear))
+        contested = _contested(costs)
+        prior = _with_priority(_with_misses(contested, frame, could_see), frame, nonlinear=nonlinear)
+        taken = dict(sorted([*_assigned(prior).items(), *[pair for pair in costs if pair not in contested]]))
     if joint is not None:
         for i, j in taken.items():
             if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
@@ -181,21 +184,16 @@ def _costs(possible: Mapping[int, Sequence[int]], frame: _Frame) -> dict[tuple[i
     """The costs of the pairs that the gates accept."""
     costs: dict[tuple[int, int], float] = {}
     for i, near in possible.items():
-        for j, gated in zip(near, _gated(frame.candidates[i].target, [frame.fixes[j] for j in near]), strict=True):
+        for j, gated in zip(near, gates_of(frame.candidates[i].target, [frame.fixes[j] for j in near]), strict=True):
             cost = None if gated is OUTSIDE_GATE else frame.cost(i, j, gated)
             if cost is not None:
                 costs[i, j] = cost
     return costs
 
 
-def _gated(target: TargetState, fixes: Sequence[GroundFix]) -> Sequence[GateResult]:
-    """Gating statistics of several fixes, together for a standing target."""
-    return target.gates(fixes) if isinstance(target, StandingTargetState) else [target.gate(fix) for fix in fixes]
-
-
 def _refined(costs: dict[tuple[int, int], float], frame: _Frame) -> dict[tuple[int, int], float]:
     """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
-    if all(candidate.refined is None for candidate in frame.candidates):
+    if not [candidate for candidate in frame.candidates if candidate.refined is not None]:
         return costs
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
     refined: dict[tuple[int, int], float] = {}
@@ -264,6 +262,12 @@ def _with_misses(
         (i, j): cost - miss_cost if i in seen else LEFT * (cost - miss_cost) if cost > 0.0 else cost
         for (i, j), cost in costs.items()
     }
+
+
+def _contested(costs: dict[tuple[int, int], float]) -> dict[tuple[int, int], float]:
+    """The costs of pairs whose track or fix has another partner. The rest are taken: they cost less than a miss."""
+    rows, columns = Counter([i for i, _ in costs]), Counter([j for _, j in costs])
+    return {(i, j): cost for (i, j), cost in costs.items() if rows[i] > 1 or columns[j] > 1}
 
 
 def _with_priority(

@@ -9,7 +9,7 @@ flight, the other those of the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from math import dist
 
 import msgspec
@@ -17,6 +17,7 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.lifecycle import LOOK_S
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.tracking.track_state import LiveTrack
@@ -110,14 +111,11 @@ def seniority(track: LiveTrack) -> tuple[int, int]:
 
 def _substitutes(
     missed: LiveTrack, seen: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate]
-) -> Iterator[LiveTrack]:
+) -> list[LiveTrack]:
     """The confirmed tracks whose fix in this frame the missed track's gate accepts."""
-    target: TargetEstimate | None = None
-    for track in seen:
-        if track.label == missed.label and track.fix is not None and not _differ_by_id(track, missed):
-            target = target or target_of(missed)
-            if target.gate(track.fix).nis < GATE:
-                yield track
+    others = [track for track in seen if track.label == missed.label and not _differ_by_id(track, missed)]
+    gated = gates_of(target_of(missed), [track.fix for track in others if track.fix is not None]) if others else ()
+    return [track for track, result in zip(others, gated, strict=True) if result.nis < GATE]
 
 
 def _coincide(one: TargetEstimate, other: TargetEstimate, fix: GroundFix) -> bool:

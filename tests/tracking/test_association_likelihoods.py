@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from handmade import a_fix
 from msgspec.structs import replace
+from scipy.optimize import linear_sum_assignment
 from scipy.stats import multivariate_normal
 
 from fwav_companion.tracking.association import (
@@ -115,17 +116,36 @@ def test_the_slower_prediction_decides():
     assert list(associate([outside, second], [a_fix(0.0, PLACE)], AGAINST)) == [1]
 
 
+class At:
+    """A target on a line to the north, with a standard deviation of 1 m."""
+
+    def __init__(self, north):
+        self.north = north
+
+    def gate(self, fix):
+        return GateResult((fix.position_ned[0] - self.north) ** 2, 0.0)
+
+
 def test_more_fixes_and_tracks_than_pairs_are_assigned_at_the_least_cost():
     """The nearest neighbour of the first track alone would leave the second without a fix."""
     places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
-
-    class At:
-        def __init__(self, north):
-            self.north = north
-
-        def gate(self, fix):
-            return GateResult((fix.position_ned[0] - self.north) ** 2, 0.0)
-
     tracks = [Candidate("", At(0.6), None), Candidate("", At(2.0), None)]
     found = associate(tracks, [a_fix(0.0, place) for place in places], AGAINST)
     assert {i: j for i, (j, _) in found.items()} == {0: 0, 1: 1}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pairs_with_and_without_a_rival_are_together_at_the_least_cost(seed):
+    rng = np.random.default_rng(seed)
+    norths, places = np.append(rng.uniform(0.0, 40.0, 8), 90.0), np.append(rng.uniform(0.0, 40.0, 10), 91.0)
+    fixes = [a_fix(0.0, (north, 0.0, 0.0)) for north in places]
+    nis = np.subtract.outer(norths, places) ** 2
+    costs = np.where(nis < GATE, nis - [AGAINST.llr_of(fix) for fix in fixes], 0.0)
+    possible = costs < 0.0
+    assert possible[-1].sum() == 1
+    assert possible.sum(axis=0).max() > 1
+    rows, columns = linear_sum_assignment(np.minimum(costs, 0.0))
+    wanted = {i: j for i, j in zip(rows, columns, strict=True) if possible[i, j]}
+    found = associate([Candidate("", At(north), None) for north in norths], fixes, AGAINST)
+    assert {i: j for i, (j, _) in found.items()} == wanted
+    assert list(found) == sorted(found)

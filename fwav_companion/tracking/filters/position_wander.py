@@ -111,8 +111,8 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
     @property
     def estimate(self) -> PointEstimate:
         """The place with its covariance."""
-        (north_m, *by_north), (east_m, *by_east), variance = self.north[0], self.east[0], self.cov[0][0]
-        return PointEstimate(north_m, east_m, (variance, 0.0, variance), (tuple(by_north), tuple(by_east)))
+        north, east, variance = self.north[0], self.east[0], self.cov[0][0]
+        return PointEstimate(north[0], east[0], (variance, 0.0, variance), (north[1:], east[1:]))
 
     def update(
         self, apparent: PointEstimate, wander: PositionWander, interval_s: float, mean: PointEstimate

@@ -32,6 +32,11 @@ Gain: TypeAlias = tuple[float, float, float, float]
 """K by rows: nn, ne, en, ee."""
 
 
+def difference(of_fix: Sequence[Row], of_point: Sequence[Row]) -> tuple[Row, Row]:
+    """D = J - C, north and east: the sensitivities of an innovation, metres per sigma of each bias."""
+    return tuple(map(sub, of_fix[0], of_point[0])), tuple(map(sub, of_fix[1], of_point[1]))
+
+
 class Innovation2(msgspec.Struct, frozen=True, gc=False):
     """A fix minus the predicted point, horizontal."""
 
@@ -53,8 +58,7 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
     @property
     def shared(self) -> tuple[Row, Row]:
         """D = J - C: metres per sigma of each bias, north and east."""
-        (c_n, c_e), (j_n, j_e) = self.of_point, self.of_fix
-        return tuple(map(sub, j_n, c_n)), tuple(map(sub, j_e, c_e))
+        return difference(self.of_fix, self.of_point)
 
     @property
     def gain(self) -> Gain:
@@ -273,9 +277,12 @@ def gate_results(
     results = []
     for fix in fixes:
         (fix_n, fix_e, _), ((f_nn, f_ne, _), (_, f_ee, _), _) = fix.shared, fix.noise
-        (north, east, _), by_nn, by_ee = fix.position, dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
-        n, e, nn, ee = north - north_m, east - east_m, p_nn + f_nn + by_nn, p_ee + f_ee + by_ee
-        if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
+        n, e, nn = fix.position[0] - north_m, fix.position[1] - east_m, p_nn + f_nn + dist(fix_n, own_n) ** 2
+        if n * n > fix.gate * nn:  # the distance along either axis is a lower bound
+            results.append(OUTSIDE_GATE)
+            continue
+        ee = p_ee + f_ee + dist(fix_e, own_e) ** 2
+        if e * e > fix.gate * ee:
             results.append(OUTSIDE_GATE)
             continue
         by_ne = 0.5 * (dist(fix_n, own_e) ** 2 + dist(fix_e, own_n) ** 2 - dist(fix_n, fix_e) ** 2 - own2)

@@ -13,7 +13,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
-from fwav_companion.tracking.filters.base import SharedInnovation
+from fwav_companion.tracking.filters.base import SharedInnovation, TargetEstimate
 from fwav_companion.tracking.filters.consider_biases import BiasShare, ConsiderBiases, Measurement
 from fwav_companion.tracking.filters.fix_mean import FixMean, first_mean
 from fwav_companion.tracking.filters.position_wander import (
@@ -27,6 +27,7 @@ from fwav_companion.tracking.filters.schmidt_kalman import (
     DownEstimate,
     PointEstimate,
     RelativeEstimate,
+    difference,
     gate_results,
 )
 from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, STEP_S, WanderEvidence
@@ -197,11 +198,18 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
         The vehicle's position has wandered since the last fix, by as much for all targets: two more sensitivities.
         """
-        own, (nn, _, _) = self.apparent, self.predicted.noise
-        found = own.innovation(self.model.errors.prepared(fix))
-        (d_n, d_e), wandered = found.shared, sqrt(max(0.0, nn - own.noise[0]))
-        shared = ((*d_n, wandered, 0.0), (*d_e, 0.0, wandered))
-        return SharedInnovation(found.north_m, found.east_m, shared, found.noise)
+        own, seen = self.apparent, self.model.errors.prepared(fix)
+        (d_n, d_e), wandered = (
+            difference(seen.shared, own.shared),
+            sqrt(max(0.0, self.predicted.noise[0] - own.noise[0])),
+        )
+        (nn, ne, ee), ((r_nn, r_ne, _), (_, r_ee, _), _) = own.noise, seen.noise
+        return SharedInnovation(
+            seen.position[0] - own.north_m,
+            seen.position[1] - own.east_m,
+            ((*d_n, wandered, 0.0), (*d_e, 0.0, wandered)),
+            (nn + r_nn, ne + r_ne, ee + r_ee),
+        )
 
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place at an instant."""
@@ -255,6 +263,11 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         wandering = wandering.update(fresh.place, self.wander, since_s, fresh.mean)
         densities = self.wander.quick_density, self.wander.smooth_density
         return wandering, None, host_ns, evidence.with_means(wandering.means, *densities, host_ns)
+
+
+def gates_of(target: TargetEstimate, fixes: Sequence[GroundFix]) -> Sequence[GateResult]:
+    """Gating statistics of several fixes, together for a standing target."""
+    return target.gates(fixes) if isinstance(target, StandingTargetState) else [target.gate(fix) for fix in fixes]
 
 
 def apart_at(fix: GroundFix) -> HostNs:
