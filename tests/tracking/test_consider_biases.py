@@ -70,13 +70,15 @@ def test_by_delay_are_the_two_sensitivities_of_the_position_delay():
 
 def test_a_turning_vehicle_is_displaced_by_the_time_offset_to_second_order_too():
     fix, errors = drawn(11), ConsiderBiases(ALL)
-    state = replace(fix.sighting.state, angular_acceleration=(0.0, -30.0, 0.0))
+    state = replace(fix.sighting.state, angular_acceleration=(20.0, -30.0, 0.0))
     fix = replace(fix, position_ned=(0.0, 0.0, 0.0), sighting=replace(fix.sighting, state=state))
     plain, found = errors.prepared(fix), errors.curved_by_delay(errors.prepared(fix), fix)
     more = np.subtract(found.shared, plain.shared)
     expected = np.zeros_like(more)
-    expected[0, errors.curved] = -30.0 * 10.0 * SIGMAS[Bias.TIME_OFFSET] ** 2 / np.sqrt(2.0)
+    expected[:2, errors.curved] = np.array([-30.0, -20.0]) * 10.0 * SIGMAS[Bias.TIME_OFFSET] ** 2 / np.sqrt(2.0)
     assert more == pytest.approx(expected, rel=1e-4)
+    elsewhere = errors.relinearized(plain, fix, level_columns(fix, 3.0, 2.0, 8.0), 0.1)
+    assert [row[errors.curved] for row in elsewhere.shared] == [row[errors.curved] for row in found.shared]
     shares = errors.shares(found.shared[:2])
     both = [IN_ORDER.index(Bias.TIME_OFFSET), errors.curved]
     assert shares[Bias.TIME_OFFSET] == pytest.approx(np.square(np.array(found.shared)[:2, both]).sum())
@@ -147,7 +149,7 @@ def test_other_sensitivities_replace_those_to_attitude_mount_and_height_and_add_
     fix, errors = drawn(10), ConsiderBiases(ALL)
     columns = level_columns(fix, 3.0, 2.0, 8.0)
     measurement = errors.prepared(fix)
-    found = errors.relinearized(measurement, columns, since_s)
+    found = errors.relinearized(measurement, fix, columns, since_s)
     expected = scaled(fix, Bias.POSITION_NORTH, Bias.POSITION_EAST)
     own = np.zeros((2, 2))
     for bias, column in zip(SENSITIVE, columns, strict=True):

@@ -114,8 +114,8 @@ class ConsiderBiases:
 
     def prepared(self, fix: GroundFix) -> Measurement:
         """The fix alone with its scaled Jacobian; prepared once for all tracks of a frame."""
-        remembered = self._remembered.get(id(fix))
-        if remembered is not None and remembered[0] is fix:
+        remembered = self._remembered.get(id(fix))  # which keeps the fix, so no other one has its identity
+        if remembered is not None:
             return remembered[1]
         if fix.sighting.frame_host_ns != self._frame_ns:
             self._remembered.clear()
@@ -150,10 +150,10 @@ class ConsiderBiases:
         return Measurement(prepared.position, noise, prepared.shared, prepared.gate)
 
     def relinearized(
-        self, measurement: Measurement, columns: Sequence[tuple[float, float]], since_s: float
+        self, measurement: Measurement, fix: GroundFix, columns: Sequence[tuple[float, float]], since_s: float
     ) -> Measurement:
-        """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, and their own
-        error as noise.
+        """The measurement of a fix with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, with
+        their own error as noise, and with what its time offset does to second order.
         """
         north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
         nn = ne = ee = 0.0
@@ -161,6 +161,8 @@ class ConsiderBiases:
             n, e = columns[k]
             north[i], east[i] = n, e = n * sigma, e * sigma
             nn, ne, ee = nn + n * n, ne + n * e, ee + e * e
+        if self.curved is not None:
+            north[self.curved], east[self.curved] = delay_curvature(fix, self._used[self.curved][1])
         return _less_certain(measurement, (tuple(north), tuple(east), down), (nn, ne, ee), since_s)
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:

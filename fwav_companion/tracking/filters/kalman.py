@@ -87,9 +87,9 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         """The fix with the sensitivities at the linearization point, that point, and the noise of the fix alone."""
         errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
-        measurement = errors.curved_by_delay(measurement, fix)
         if not is_level(fix):
-            return self.point, errors.with_sensitivity_noise(measurement, since_s), measurement.noise
+            curved = errors.curved_by_delay(measurement, fix)
+            return self.point, errors.with_sensitivity_noise(curved, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
         height_m, priors = fix.drop_m, errors.priors
         point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=priors.height_noise_m)
@@ -99,7 +99,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         else:
             toward_n, toward_e = point.north_m - camera_n, point.east_m - camera_e
         columns = level_columns(fix, toward_n, toward_e, point.height_m)
-        return point, errors.relinearized(measurement, columns, since_s), measurement.noise
+        return point, errors.relinearized(measurement, fix, columns, since_s), measurement.noise
 
 
 class StaticKalman:
