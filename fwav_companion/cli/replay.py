@@ -104,12 +104,14 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from fwav_companion.cli.progress import replays
-    from fwav_companion.cli.replay_inputs import read_replay_inputs
-    from fwav_companion.service.lean import leave_the_rest_alone
-    from fwav_companion.tools.report.writer import ReportWriter, other_variants
+    from fwav_companion.service.lean import leave_the_rest_alone, without_searches
 
-    given = read_replay_inputs(arguments)
+    with without_searches():
+        from fwav_companion.cli.progress import replays
+        from fwav_companion.cli.replay_inputs import read_replay_inputs
+        from fwav_companion.tools.report.writer import ReportWriter, other_variants
+
+        given = read_replay_inputs(arguments)
     leave_the_rest_alone()
     report = None if arguments.report is None else ReportWriter()
     lines = given.lines(sightings=arguments.sightings or report is not None)

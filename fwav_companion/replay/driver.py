@@ -67,6 +67,8 @@ def replay(
     )
     tally = ErrorTally(truth) if truth else None
     for _ in _drive(pipeline, recording, own_components(config)):
+        if not pipeline.has_outputs:
+            continue
         for line in pipeline.take().lines:
             if tally is not None:
                 tally.add(line)

@@ -5,7 +5,9 @@ import subprocess
 import sys
 import weakref
 
-from fwav_companion.service.lean import search_for_garbage
+import pytest
+
+from fwav_companion.service.lean import search_for_garbage, without_searches
 
 START = """
 import gc, sys
@@ -36,6 +38,19 @@ def test_a_process_that_uses_pymavlink_keeps_it():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.split() == ["MAVLink", "True"]
+
+
+def test_garbage_is_searched_for_again_after_a_recording_that_cannot_be_read():
+    searched = [gc.isenabled()]
+
+    def read():
+        with without_searches():
+            searched.append(gc.isenabled())
+            raise OSError("gone")
+
+    with pytest.raises(OSError, match="gone"):
+        read()
+    assert [*searched, gc.isenabled()] == [True, False, True]
 
 
 class Circular:

@@ -104,8 +104,8 @@ class AttitudeHistory:
         times.insert(index, sample.boot_ns)
         self._samples.insert(index, sample)
         self._segments.insert(index, None)
-        for near in range(max(0, index - REACH), min(len(times), index + REACH)):
-            self._segments[near] = None
+        first, end = max(0, index - REACH), min(len(times), index + REACH)
+        self._segments[first:end] = [None] * (end - first)
         if times[0] < times[-1] - self._kept_ns or len(times) > self._most_kept:
             self._trim()
         if len(times) >= SEVEN and self.quality.is_due(times[-4]):
