@@ -126,25 +126,17 @@ class Clock:
         if followed is not None:
             return self._followed_estimate(followed, now)
         line = self._line()
-        if line is None:
-            return ClockEstimate(
-                at_ns=now,
-                host_from_autopilot_ns=0,
-                skew=0.0,
-                sigma_s=inf,
-                bound_s=inf,
-                round_trip_s=None,
-                status=ClockStatus.UNKNOWN,
-            )
+        return _unknown(now) if line is None else self._line_estimate(line, now)
+
+    def _line_estimate(self, line: ClockLine, now: HostNs) -> ClockEstimate:
         offset_ns, sigma_s = line.offset_ns_at(now), self._line_sigma_s(line, now)
         if line is self._arrivals.line:
-            bound_s = max(self._arrivals.bound_s(now, offset_ns), BEYOND_DOUBT * sigma_s)
             return ClockEstimate(
                 at_ns=now,
                 host_from_autopilot_ns=offset_ns,
                 skew=line.skew,
                 sigma_s=sigma_s,
-                bound_s=bound_s,
+                bound_s=max(self._arrivals.bound_s(now, offset_ns), BEYOND_DOUBT * sigma_s),
                 round_trip_s=None,
                 status=ClockStatus.ARRIVALS,
             )
@@ -213,3 +205,15 @@ class Clock:
             return arrivals
         silent_s = (arrivals.ref_host_ns - exchanges.ref_host_ns) * 1e-9
         return arrivals if silent_s > EXCHANGES_OUTLIVED_S else exchanges
+
+
+def _unknown(now: HostNs) -> ClockEstimate:
+    return ClockEstimate(
+        at_ns=now,
+        host_from_autopilot_ns=0,
+        skew=0.0,
+        sigma_s=inf,
+        bound_s=inf,
+        round_trip_s=None,
+        status=ClockStatus.UNKNOWN,
+    )

@@ -93,6 +93,24 @@ def fit_between(
     widest = gap(best)
     tail = max(LEAST_TAIL_S, 0.5 * (sum(trips) / n - widest))
     low, high = (_falls_to(gap, best, end, widest - REACH * tail / n) for end in (-most_skew, most_skew))
+    level, skew, var_level, cov, var_skew = _moments(above, below, low, high, n=n, tail=tail, widest=widest)
+    return EnvelopeFit(
+        level=level,
+        skew=skew,
+        var_level=max(0.0, var_level) + 0.5 * (tail / n) ** 2,
+        cov_level_skew=cov,
+        var_skew=max(0.0, var_skew) + 1e-16,
+        room_s=widest,
+        log_likelihood=-sum(log(max(r - widest, LEAST_TAIL_S)) for r in trips),
+    )
+
+
+def _moments(
+    above: Hull, below: Hull, low: float, high: float, *, n: int, tail: float, widest: float
+) -> tuple[float, float, float, float, float]:
+    """Means of level and skew over the slopes from low to high, weighted by likelihood, and their covariance (00, 01,
+    11). The likelihood is that of ``n`` exchanges with this tail, relative to the line with the widest room.
+    """
     weight = m_level = m_skew = s_ll = s_ls = s_ss = 0.0
     for k in range(SLOPES):
         skew = low + (high - low) * k / (SLOPES - 1)
@@ -106,14 +124,12 @@ def fit_between(
         s_ls += w * level * skew
         s_ss += w * skew * skew
     m_level, m_skew = m_level / weight, m_skew / weight
-    return EnvelopeFit(
-        level=m_level,
-        skew=m_skew,
-        var_level=max(0.0, s_ll / weight - m_level * m_level) + 0.5 * (tail / n) ** 2,
-        cov_level_skew=s_ls / weight - m_level * m_skew,
-        var_skew=max(0.0, s_ss / weight - m_skew * m_skew) + 1e-16,
-        room_s=widest,
-        log_likelihood=-sum(log(max(r - widest, LEAST_TAIL_S)) for r in trips),
+    return (
+        m_level,
+        m_skew,
+        s_ll / weight - m_level * m_level,
+        s_ls / weight - m_level * m_skew,
+        s_ss / weight - m_skew * m_skew,
     )
 
 

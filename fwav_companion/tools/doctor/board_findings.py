@@ -56,12 +56,27 @@ def _key(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
+    """Yield what keeps a folder from being written, or its content from lasting."""
     if folder.missing_mount is not None:
         yield Finding(
             "not_mounted", Level.WARNING, folder.key,
             problem=f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
             fix=f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
         )  # fmt: skip
+    yield from _unwritable(evidence.board.user, folder)
+    least = evidence.config.record.min_free_mb * MB
+    if folder.key.startswith("[record]") and folder.free_bytes is not None and folder.free_bytes < least:
+        yield Finding(
+            "disk_full",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing is recorded",
+            fix="remove old recordings, or [record] remove_oldest = true",
+        )
+
+
+def _unwritable(user: str, folder: Folder) -> Iterator[Finding]:
+    """Yield the first reason why nothing can be written, or why it would not last."""
     if folder.read_only:
         yield Finding(
             "read_only",
@@ -83,8 +98,8 @@ def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
             "read_only",
             Level.WARNING,
             folder.key,
-            problem=f"{folder.path}: {evidence.board.user} may not write there",
-            fix=f"sudo chown {evidence.board.user} {folder.path}, or another directory",
+            problem=f"{folder.path}: {user} may not write there",
+            fix=f"sudo chown {user} {folder.path}, or another directory",
         )
     elif folder.file_system in VOLATILE:
         yield Finding(
@@ -93,15 +108,6 @@ def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
             folder.key,
             problem=f"{folder.path} is on {folder.file_system}: its content is lost with the power",
             fix="a directory on the card or a disk",
-        )
-    least = evidence.config.record.min_free_mb * MB
-    if folder.key.startswith("[record]") and folder.free_bytes is not None and folder.free_bytes < least:
-        yield Finding(
-            "disk_full",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing is recorded",
-            fix="remove old recordings, or [record] remove_oldest = true",
         )
 
 

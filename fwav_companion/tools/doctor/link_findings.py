@@ -80,6 +80,12 @@ def judged_loss(status: RunStatus, link: LinkConfig, peer: PeerStatistics) -> fl
 
 
 def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
+    yield from _closed_port(port, user)
+    yield from _shared_port(port)
+
+
+def _closed_port(port: SerialPort, user: str) -> Iterator[Finding]:
+    """Yield why the port cannot be opened."""
     where = f"link {port.link}"
     if not port.exists:
         there = f"; present: {', '.join(port.others)}" if port.others else "; no serial device is present"
@@ -98,6 +104,11 @@ def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
             problem=f"{user or 'this user'} may not read and write {port.device}",
             fix=access_fix(port.device, port.group, usual="dialout", user=user),
         )
+
+
+def _shared_port(port: SerialPort) -> Iterator[Finding]:
+    """Yield what else uses the port, and whether its hardware is too slow."""
+    where = f"link {port.link}"
     if port.console:
         yield Finding(
             "serial_console",

@@ -177,33 +177,35 @@ def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Conf
         "flight.wander_m": 0.0 if is_fixed else GUSTS * flown["wind_m_s"] * WANDER_PER_GUST_S,
         "flight.wind_m_s": (flown["wind_m_s"] * cos(wind_from), flown["wind_m_s"] * sin(wind_from)),
     }
-    if pattern == "eight":
-        options |= {"flight.pattern": "figure_eight", "flight.half_axes_m": (radius, 0.5 * radius)}
-    elif pattern == "orbit":
-        options |= {"flight.pattern": "orbit", "flight.half_axes_m": (radius, radius)}
-    elif pattern == "hover":
-        options |= {"flight.pattern": "hover", "flight.offset_m": (-radius, 0.0)}
-    elif pattern == "survey":
-        drift = 2.0 * radius / plan.seconds
-        options |= {
-            "flight.pattern": "racetrack",
-            "flight.half_axes_m": (radius, 0.4 * radius),
-            "flight.drift_m_s": (0.0, drift),
-            "flight.centre": (40.0, -25.0 - radius),
-        }
-    else:
-        start = -0.5 * speed * plan.seconds
-        options |= {
-            "flight.pattern": "hover",
-            "flight.heading": "course",
-            "flight.offset_m": (start, 0.0),
-            "flight.drift_m_s": (speed, 0.0),
-        }
+    options |= _of_pattern(pattern, radius, speed, plan.seconds)
     sigma_m = hypot(terrain_sigma_m(truth), truth.uncertainty.height_bias_m if is_fixed else 0.0)
     up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * times * sigma_m
     east = off * sin(toward) + (radius if pattern == "survey" else 0.0)
     options["targets"] = [{"label": LABEL, "north": off * cos(toward), "east": east, "up": up}]
     return options
+
+
+def _of_pattern(pattern: str, radius: float, speed: float, seconds: float) -> dict[str, Any]:
+    """The mock's options of the path; metres, m/s."""
+    if pattern == "eight":
+        return {"flight.pattern": "figure_eight", "flight.half_axes_m": (radius, 0.5 * radius)}
+    if pattern == "orbit":
+        return {"flight.pattern": "orbit", "flight.half_axes_m": (radius, radius)}
+    if pattern == "hover":
+        return {"flight.pattern": "hover", "flight.offset_m": (-radius, 0.0)}
+    if pattern == "survey":
+        return {
+            "flight.pattern": "racetrack",
+            "flight.half_axes_m": (radius, 0.4 * radius),
+            "flight.drift_m_s": (0.0, 2.0 * radius / seconds),
+            "flight.centre": (40.0, -25.0 - radius),
+        }
+    return {
+        "flight.pattern": "hover",
+        "flight.heading": "course",
+        "flight.offset_m": (-0.5 * speed * seconds, 0.0),
+        "flight.drift_m_s": (speed, 0.0),
+    }
 
 
 def _of_autopilot(plan: StudyPlan, index: int, truth: Config) -> dict[str, Any]:
