@@ -27,7 +27,9 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; accepted: a configuration, as `init` writes one") from None
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; accepted: a configuration in TOML") from None
+        line = data.count(b"\n", 0, error.start) + 1
+        kind = " (UTF-16, as some editors save)" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else ""
+        raise ConfigError(f"{path}: line {line} is not UTF-8{kind}; accepted: a configuration in TOML, UTF-8") from None
     return parse(text, str(path), overrides)
 
 

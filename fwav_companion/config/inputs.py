@@ -10,7 +10,15 @@ from msgspec import Meta
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl, UnixUrl, parse_detections_url, parse_link_url
+from fwav_companion.links.url import (
+    LINK_FORMS,
+    LinkUrl,
+    SerialUrl,
+    UdpUrl,
+    UnixUrl,
+    parse_detections_url,
+    parse_link_url,
+)
 
 Positive: TypeAlias = Annotated[float, Meta(gt=0)]
 NotNegative: TypeAlias = Annotated[float, Meta(ge=0)]
@@ -45,7 +53,7 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     name: LinkName
     """Name in logs and in the status file; unique."""
-    url: str
+    url: Annotated[str, Meta(description=LINK_FORMS)]
     """serial://, udpin://, udpout://, udpbcast://, tcpin:// or tcpout://."""
     role: Literal["autopilot", "gcs", "payload"]
     """Kind of peer at the other end. ``payload``: programs and devices of this vehicle, believed for their own

@@ -7,6 +7,7 @@ import pytest
 from fwav_companion.config import load, load_signing_key, parse
 from fwav_companion.errors import ConfigError
 
+UTF_16 = "[ground]\n".encode("utf-16")
 RELAY = '[detections]\nurl = ""\n'
 
 
@@ -21,7 +22,8 @@ def test_a_file_is_read(tmp_path: Path):
     ("data", "expected"),
     [
         (None, "No such file or directory; accepted: a configuration, as `init` writes one"),
-        (b"[ground]\n# \xff\n", "byte 11 is not UTF-8; accepted: a configuration in TOML"),
+        (b"[ground]\n# \xff\n", "line 2 is not UTF-8; accepted: a configuration in TOML, UTF-8"),
+        (UTF_16, "line 1 is not UTF-8 (UTF-16, as some editors save); accepted: a configuration in TOML, UTF-8"),
         (b"#" * 2_000_000, "longer than 1048576 bytes; accepted: a configuration in TOML"),
     ],
 )

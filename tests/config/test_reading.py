@@ -68,6 +68,7 @@ FAULTS = {
     "key of another table": (f"{BASE}[ground]\nalpha = 3\n", "[ground] alpha = 3: unknown key here; did you mean it in [tracking]?"),
     "key of nothing": ("[rates]\nzzz = 3\n", "[rates] zzz = 3: unknown key; accepted keys: attitude, position"),
     "near key of a link": (LINK + 'rol = "gcs"\n', '[[link]] 1 "a" rol = "gcs": unknown key; did you mean "role"?'),
+    "missing url": ('[[link]]\nname = "b"\nrole = "gcs"\n', '[[link]] 1 "b" url: missing; accepted: serial:///dev/NAME:BAUD | serial://VID:PID:BAUD | udpin:// | udpout:// | udpbcast:// | tcpin:// | tcpout://HOST:PORT'),
     "missing key": ('[[link]]\nname = "b"\nurl = "tcpin://[::1]:5"\n', '[[link]] 1 "b" role: missing; accepted: "autopilot" | "gcs" | "payload"'),
     "choice": ('[camera]\nstamp = "row1"\n', '[camera] stamp = "row1": accepted: "auto" | "row0_end" | "row0_mid" | "row0_start"'),
     "type": ('[vehicle]\nsystem_id = "one"\n', '[vehicle] system_id = "one": accepted: an integer from 0 to 255'),
