@@ -134,7 +134,7 @@ class ExchangeFit:
 
         A single one far away is another clock's answer until a second one agrees.
         """
-        distances_ns = [abs(entry.offset_ns - offset_ns) + entry.round_trip_ns // 2 for entry in self._contradicting]
+        distances_ns = [abs(entry.offset_ns - offset_ns) for entry in self._contradicting]
         if len(distances_ns) == 1 and distances_ns[0] > WILD_NS:
             return 0.0
         return max(distances_ns, default=0) * 1e-9
@@ -147,7 +147,11 @@ class ExchangeFit:
         """Bound of the error of ``offset_ns`` at ``now``, seconds: drift is at most 600 ppm."""
         low_ns, high_ns = self._bound.interval(now)
         by_drift_s = max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
-        return max(by_drift_s, self.contradiction_s(offset_ns)) if self._contradicting else by_drift_s
+        contradiction_s = self.contradiction_s(offset_ns)
+        if contradiction_s == 0.0:
+            return by_drift_s
+        half_trip_s = 0.5e-9 * max(entry.round_trip_ns for entry in self._contradicting) + 1e-9 * ROUNDING_NS
+        return max(by_drift_s, contradiction_s + half_trip_s)
 
     def _take(self, entry: Exchange) -> None:
         self._bound.take(entry)
