@@ -18,6 +18,7 @@ from fwav_companion.mavlink.wire.scanner import Scanner
 from tests.benchmarks.figure import Figure, interleaved
 from tests.benchmarks.standard_stream import frames
 
+WORST_NAMED = 3
 SIZE = 1 << 18
 CHUNK = 1024
 LONG = BY_NAME["FILE_TRANSFER_PROTOCOL"]
@@ -135,10 +136,11 @@ def ratios() -> dict[str, float]:
 
 def measure() -> list[Figure]:
     table = sorted(ratios().items(), key=lambda item: -item[1])
-    detail = "; ".join(f"{name} {ratio:.1f}" for name, ratio in table)
+    named = "; ".join(f"{name} {ratio:.1f}" for name, ratio in table[:WORST_NAMED])
+    detail = f"{named}; {len(table) - WORST_NAMED} others are cheaper"
     return [Figure("any bytes through the scanner, against genuine ones", table[0][1], 4.0, False, detail)]
 
 
 if __name__ == "__main__":
-    for figure in measure():
-        print(figure)
+    for pattern, cost in sorted(ratios().items(), key=lambda item: -item[1]):
+        print(f"{cost:4.1f} {pattern}")
