@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from fwav_companion.recording.exports import Export
     from fwav_companion.recording.lines import Line
+    from fwav_companion.tools.report.writer import ReportWriter
 
 
 ERROR_SIZES = (("CE50", "ce50_m"), ("CE90", "ce90_m"), ("rms", "rms_m"))
@@ -109,11 +110,10 @@ def _replay(arguments: argparse.Namespace) -> int:
     with without_searches():
         from fwav_companion.cli.progress import replays
         from fwav_companion.cli.replay_inputs import read_replay_inputs
-        from fwav_companion.tools.report.writer import ReportWriter, other_variants
 
         given = read_replay_inputs(arguments)
+        report = None if arguments.report is None else _report_writer()
     leave_the_rest_alone()
-    report = None if arguments.report is None else ReportWriter()
     lines = given.lines(sightings=arguments.sightings or report is not None)
     with replays(given.recording) as watched:
         lines = watched("replay", lines)
@@ -122,6 +122,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         summary, mistakes = _write_all(arguments.out, lines, given.exports)
         others = []
         if report is not None and not arguments.alone:
+            from fwav_companion.tools.report.writer import other_variants
+
             others = other_variants(given.config, lambda name, chosen: watched(name, given.again(chosen)))
     stream = sys.stderr if is_stdout(arguments.out) else sys.stdout
     if report is not None:
@@ -141,6 +143,12 @@ def _replay(arguments: argparse.Namespace) -> int:
     elif not is_stdout(arguments.out):  # there it is the last line already
         print(json.dumps(summary))
     return 0
+
+
+def _report_writer() -> ReportWriter:
+    from fwav_companion.tools.report.writer import ReportWriter  # here: most replays have no report
+
+    return ReportWriter()
 
 
 def _title(telemetry: Path) -> str:
@@ -189,12 +197,11 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
 
 def _print_summary(summary: Line, stream: TextIO) -> None:
     from fwav_companion.recording.labels import notice_texts, shift_text
-    from fwav_companion.tools.report.wording import REASONS
 
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for things in ("frames", "detections"):
         for reason, count in summary[f"dropped_{things}"].items():
-            why = "" if summary["fixes"] else f": {REASONS.get(reason, '')}".rstrip(": ")
+            why = "" if summary["fixes"] else _explained(reason)
             print(f"  not used: {count} {things} {reason}{why}", file=stream)
     if "terrain" in summary:
         print(f"  terrain: {shift_text(summary['terrain'])}", file=stream)
@@ -203,6 +210,13 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
     _print_landmarks(summary.get("landmarks", ()), stream)
     if "errors" in summary:
         _print_errors(summary["errors"], stream)
+
+
+def _explained(reason: str) -> str:
+    """The reason in words after a colon, or ""."""
+    from fwav_companion.tools.report.wording import REASONS
+
+    return f": {REASONS.get(reason, '')}".rstrip(": ")
 
 
 def _print_landmarks(landmarks: Sequence[Line], stream: TextIO) -> None:
