@@ -26,9 +26,18 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import JointFilter
-from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUNT
+from fwav_companion.self_calibration.pixel_measurement import HEADING, MOUNT, SHARED_COUNT
 from fwav_companion.self_calibration.position_path import SmoothedReport
-from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, whitened, with_drift
+from fwav_companion.self_calibration.posterior import (
+    MOUNT_AXES,
+    NUISANCE,
+    TIMING,
+    block,
+    given,
+    root_given,
+    whitened,
+    with_drift,
+)
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
 from fwav_companion.types import VehicleState
 
@@ -210,18 +219,17 @@ def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector
     prior = sigmas[MOUNT]
     if not prior.all():
         return 1.0
-    cov = given(joint.mean[0], with_drift(joint, sigmas, factor), NUISANCE, np.zeros(len(NUISANCE)))[1]
-    across = np.eye(3) - np.outer(sight, sight) / np.dot(sight, sight)
-    shares = across @ (cov[MOUNT, MOUNT] / prior / prior[:, None]) @ across
-    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(shares)[-1])))
+    root = root_given(with_drift(joint, sigmas, factor), NUISANCE, MOUNT_AXES)
+    along = np.array(sight)
+    shares = (np.eye(3) - along[:, None] * along / (along @ along)) @ (root / prior[:, None])
+    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(shares @ shares.T)[-1])))
 
 
 def _distance2(mean: Array, cov: Array, means: Array, sigmas: Array) -> float:
     """Squared distance of mount and height from the configuration, with the heading as right."""
-    mean, cov = given(mean, cov, [SharedParameter.HEADING], np.zeros(1))
-    tested = [int(i) for i in (*MOUNT_AXES, SharedParameter.HEIGHT) if sigmas[i] > 0.0]
-    offset = mean[tested] - means[tested]
-    white = whitened(cov[np.ix_(tested, tested)], offset)
+    known = [HEADING] if cov[HEADING, HEADING] > 0.0 else []
+    index = [*known, *(int(i) for i in (*MOUNT_AXES, SharedParameter.HEIGHT) if sigmas[i] > 0.0)]
+    white = whitened(block(cov, index), mean[index] - means[index])[len(known) :]
     return float(white @ white)
 
 

@@ -74,8 +74,7 @@ class DelayedPoses(msgspec.Struct, frozen=True):
         """The poses at delays (..., N), each from the nearest point of this grid (N, D)."""
         if self.delay_s.shape[1] > 1:
             return self.nearest(delay_s).extrapolated(delay_s)
-        poses = self.each(lambda a: a[:, 0])
-        return poses if (poses.delay_s == delay_s).all() else poses.extrapolated(delay_s)
+        return self.each(lambda a: a[:, 0]).extrapolated(delay_s)
 
 
 def delayed_poses(

@@ -161,13 +161,13 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
             return self
         if not self.host_ns:
             return msgspec.structs.replace(self, host_ns=host_ns)
-        step = self.position.transition((host_ns - self.host_ns) * 1e-9)
-        back, variance = step.swapaxes(1, 2), self.position.variance[:, :, None]
+        step, prior = self.position.transition((host_ns - self.host_ns) * 1e-9), self.position.prior
         mean, cov, moving = self.mean.copy(), self.cov.copy(), self.moving
         mean[:, moving] = (step @ mean[:, moving, None])[..., 0]
+        cov[:, moving, moving] -= prior  # what is known beyond the stationary process fades
         cov[:, moving] = step @ cov[:, moving]
-        cov[:, :, moving] = cov[:, :, moving] @ back
-        cov[:, moving, moving] += np.eye(self.position.count) * variance - step @ (variance * back)
+        cov[:, :, moving] = cov[:, :, moving] @ step.swapaxes(1, 2)
+        cov[:, moving, moving] += prior
         return msgspec.structs.replace(self, mean=mean, cov=cov, host_ns=host_ns)
 
     def displaced(self) -> JointFilter:
@@ -198,17 +198,16 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
 
     def innovations(self, batch: MeasurementBatch) -> PixelInnovations:
         """The innovations of measurements, all of targets in the estimate."""
-        index = 2 * np.array([self.tracks.index(track) for track in batch.tracks])
+        index = [self.tracks.index(track) for track in batch.tracks]
         point, size, first = self.linearization_point, self.mean.shape[1], self.first
-        each = SHARED_COUNT + index[:, None] + np.arange(2)
-        seen = predict(batch, point[:, each], point[:, :SHARED_COUNT])
+        places = point[:, SHARED_COUNT:].reshape(len(point), -1, 2)
+        seen = predict(batch, places[:, index], point[:, :SHARED_COUNT])
         hypotheses, count = seen.valid.shape
         rows = np.zeros((hypotheses, count, 2, size))
         rows[..., :SHARED_COUNT] = seen.rows[..., :SHARED_COUNT]
         rows[..., SHARED_COUNT:first] = seen.rows[..., SHARED_COUNT:] @ self.position.by_state
-        at = np.arange(count)
-        rows[:, at, :, first + index] = seen.rows[..., SHARED_COUNT].swapaxes(0, 1)
-        rows[:, at, :, first + index + 1] = seen.rows[..., SHARED_COUNT + 1].swapaxes(0, 1)
+        by_target = rows[..., first:].reshape(hypotheses, count, 2, -1, 2)
+        by_target[:, np.arange(count), :, index] = seen.rows[..., SHARED_COUNT:].swapaxes(0, 1)
         flat = rows.reshape(hypotheses, 2 * count, size)
         off = self.mean.copy()
         off[:, :SHARED_COUNT] -= point[:, :SHARED_COUNT]
@@ -306,9 +305,8 @@ def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
     """(B, 2N, 2N) covariance of the fresh errors: those of telemetry are common to the measurements of one frame."""
     flat = common.reshape(len(common), -1, common.shape[-1])
     frame = np.repeat(batch.frame, 2)
-    noise = np.where(frame[:, None] == frame, flat @ flat.swapaxes(1, 2), 0.0)
-    each = np.arange(len(frame))
-    noise[:, each, each] += batch.pixel_sigma.ravel() ** 2
+    noise = np.asarray((flat @ flat.swapaxes(1, 2)) * (frame[:, None] == frame))
+    noise.reshape(len(noise), -1)[:, :: len(frame) + 1] += batch.pixel_sigma.ravel() ** 2  # on the diagonal
     return noise
 
 
@@ -337,6 +335,8 @@ def joint_filter(
     ``hypotheses``: of the wander of the vehicle's position, one each; None: the smooth one.
     """
     position = position_error(priors, hypotheses or (SMOOTH,) * len(means))
-    variances = np.concatenate((np.tile(sigmas**2, (len(means), 1)), position.variance), 1)
     mean = np.concatenate((means, np.zeros((len(means), position.count))), 1)
-    return JointFilter(priors, position, mean, np.eye(mean.shape[1]) * variances[:, :, None], point, (), 0)
+    cov = np.zeros((*mean.shape, mean.shape[1]))
+    cov[:, :SHARED_COUNT, :SHARED_COUNT] = np.diag(sigmas**2)
+    cov[:, SHARED_COUNT:, SHARED_COUNT:] = position.prior
+    return JointFilter(priors, position, mean, cov, point, (), 0)

@@ -8,7 +8,7 @@ same sigma and time constant T: a second-order Gauss-Markov process with both po
 
 from __future__ import annotations
 
-from math import exp, inf
+from math import inf
 
 import msgspec
 import numpy as np
@@ -21,15 +21,19 @@ QUICK, SMOOTH = range(2)
 """Index of each hypothesis."""
 APART = 1e-3
 """Relative distance of the two poles of a critically damped process, for one formula of all transitions."""
+AXES = np.eye(2)
+"""North and east move alike."""
 
 
 class PositionError(msgspec.Struct, frozen=True):
     """The processes under each hypothesis (B); the states of each are north, east, and their rates."""
 
-    poles: tuple[tuple[tuple[float, float], ...], ...]
-    """(B, processes) poles, 1/s."""
-    variance: Array
-    """(B, states), prior."""
+    poles: Array
+    """(B, K), 1/s."""
+    modes: Array
+    """(B, K, states, states): each decays by its pole, and their sum is the transition."""
+    prior: Array
+    """(B, states, states), covariance."""
     by_state: Array
     """(2, states), the error's north and east by the states."""
 
@@ -40,37 +44,31 @@ class PositionError(msgspec.Struct, frozen=True):
 
     def take(self, hypotheses: list[int]) -> PositionError:
         """Some of the hypotheses."""
-        if not self.count:
-            return self
-        return PositionError(tuple(self.poles[i] for i in hypotheses), self.variance[hypotheses], self.by_state)
+        return PositionError(self.poles[hypotheses], self.modes[hypotheses], self.prior[hypotheses], self.by_state)
 
     def transition(self, seconds: float) -> Array:
         """(B, states, states), transition of the states over a time."""
-        matrix = np.zeros((len(self.poles), self.count, self.count))
-        for own, processes in zip(matrix, self.poles, strict=True):
-            for i, (a, b) in enumerate(processes):
-                slow, quick, apart = exp(-a * seconds), exp(-b * seconds), b - a
-                step = (
-                    (b * slow - a * quick) / apart,
-                    (slow - quick) / apart,
-                    a * b * (quick - slow) / apart,
-                    (b * quick - a * slow) / apart,
-                )
-                for k in (4 * i, 4 * i + 1):
-                    own[k, k], own[k, k + 2], own[k + 2, k], own[k + 2, k + 2] = step
-        return matrix
+        return np.asarray(np.einsum("bk,bkij->bij", np.exp(-seconds * self.poles), self.modes))
 
 
 def position_error(priors: ErrorPriors, hypotheses: tuple[int, ...]) -> PositionError:
     """The processes of these priors under each hypothesis; without any state where positions are exact."""
     sigmas = priors.bias_sigmas[Bias.POSITION_NORTH : Bias.POSITION_EAST + 1]
-    if not any(sigmas):
-        return PositionError((), np.zeros((len(hypotheses), 0)), np.zeros((2, 0)))
-    times_s = [time_s if 0.0 < time_s < inf else 1e9 for time_s in priors.position_times_s]
-    smooth = tuple((2.0 / t, 2.0 / t * (1.0 + APART)) for t in times_s)
-    quick = tuple((1.0 / t, max(1.0 / QUICK_S, (1.0 + APART) / t)) for t in times_s)
-    poles = tuple(smooth if each == SMOOTH else quick for each in hypotheses)
-    variances = [sigma * sigma / len(times_s) for sigma in sigmas]
-    variance = [[v * rate for a, b in each for rate in (1.0, a * b) for v in variances] for each in poles]
-    one = np.concatenate((np.eye(2), np.zeros((2, 2))), 1)
-    return PositionError(poles, np.array(variance), np.tile(one, len(times_s)))
+    times_s = [time_s if 0.0 < time_s < inf else 1e9 for time_s in priors.position_times_s] if any(sigmas) else []
+    smooth = [(2.0 / t, 2.0 / t * (1.0 + APART)) for t in times_s]
+    quick = [(1.0 / t, max(1.0 / QUICK_S, (1.0 + APART) / t)) for t in times_s]
+    processes, count = [smooth if each == SMOOTH else quick for each in hypotheses], 4 * len(times_s)
+    modes = np.zeros((len(processes), 2 * len(times_s), count, count))
+    prior = np.zeros((len(processes), count, count))
+    for own_modes, own_prior, own in zip(modes, prior, processes, strict=True):
+        for i, (a, b) in enumerate(own):
+            states, apart = slice(4 * i, 4 * i + 4), b - a
+            own_modes[2 * i, states, states] = np.kron([[b / apart, 1.0 / apart], [-a * b / apart, -a / apart]], AXES)
+            own_modes[2 * i + 1, states, states] = np.kron(
+                [[-a / apart, -1.0 / apart], [a * b / apart, b / apart]], AXES
+            )
+            own_prior[states, states] = np.diag(
+                [v * rate / len(own) for rate in (1.0, a * b) for v in np.square(sigmas)]
+            )
+    poles = np.array(processes, float).reshape(len(processes), -1)
+    return PositionError(poles, modes, prior, np.tile(np.eye(2, 4), len(times_s)))

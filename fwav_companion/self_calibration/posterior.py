@@ -43,7 +43,7 @@ def bias_shares(joint: JointFilter, track: int) -> dict[str, float]:
     shares = dict[str, float]()
     for cause, group in {**CAUSES, "position": range(SHARED_COUNT, joint.first)}.items():
         known = [int(i) for i in group if cov[i, i] > 0.0]
-        white = whitened(cov[np.ix_(known, known)], cov[known, place : place + 2]) if known else np.zeros(1)
+        white = whitened(block(cov, known), cov[known, place : place + 2]) if known else np.zeros(1)
         shares[cause] = float((white * white).sum())
     return shares
 
@@ -60,9 +60,21 @@ def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple
         return mean, cov
     k = [known[j] for j in used]
     crossed, off = cov[k], (mean[k] - values[used])[:, None]
-    white = whitened(cov[np.ix_(k, k)], np.concatenate((crossed, off), 1))
+    white = whitened(block(cov, k), np.concatenate((crossed, off), 1))
     gain = white[:, :-1].T
     return np.asarray(mean - gain @ white[:, -1]), np.asarray(cov - gain @ gain.T)
+
+
+def root_given(cov: Array, known: Sequence[int], wanted: Sequence[int]) -> Array:
+    """Cholesky factor of the covariance of the wanted states where others are known: the last block of both's."""
+    used = [i for i in known if cov[i, i] > 0.0]
+    return lower_root(block(cov, [*used, *wanted]))[len(used) :, len(used) :]
+
+
+def block(cov: Array, index: Sequence[int]) -> Array:
+    """Rows and columns of some states."""
+    i = [int(each) for each in index]
+    return np.asarray(cov[i][:, i])
 
 
 def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
@@ -77,10 +89,10 @@ def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
         return cov
     free = [i for i in range(SHARED_COUNT) if sigmas[i] > 0.0]
     known = [*range(SHARED_COUNT, joint.first), *free]
-    block = cov[np.ix_(known, known)].copy()
+    widened = block(cov, known)
     last = np.arange(len(known) - len(free), len(known))
-    block[last, last] += sigmas[free] ** 2 / (factor - 1.0)
-    rows = whitened(block, cov[known])
+    widened[last, last] += sigmas[free] ** 2 / (factor - 1.0)
+    rows = whitened(widened, cov[known])
     own = rows[last]
     return np.asarray(cov + (factor - 1.0) * (cov - rows.T @ rows) - own.T @ own)
 
