@@ -254,20 +254,8 @@ class Tracker:
             return {}, {}
         if self._state.calibrator is not None:
             self._state.calibrator.expect(view.fixes)
-        first = reacquisition.first_served(tracks)
-        candidates = [
-            Candidate(
-                track.label,
-                track.target,
-                track.detector_id,
-                choice.calibrated(track),
-                confirmed=track.id in first,
-                steady=is_steady(track.life, view.host_ns),
-            )
-            for track in tracks
-        ]
         against = clutter(self._state.detector, view.image_px2)
-        pairs = associate(candidates, view.fixes, against, view.could_see, joint)
+        pairs = associate(_candidates(tracks, view.host_ns, choice), view.fixes, against, view.could_see, joint)
         taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
         if len(tracks) + len(view.fixes) > MAX_TRACKS:  # a branch must not take the place of a target
             return taken, {}
@@ -318,3 +306,19 @@ class Tracker:
         fixes = [(track.id, track.fix) for track in old if track.fix is not None and teaches(track.fix)]
         seen = [fix for fix in view.fixes if teaches(fix)]
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
+
+
+def _candidates(tracks: Sequence[LiveTrack], host_ns: HostNs, choice: TargetChoice) -> list[Candidate]:
+    """The tracks as association sees them."""
+    first = reacquisition.first_served(tracks)
+    return [
+        Candidate(
+            track.label,
+            track.target,
+            track.detector_id,
+            choice.calibrated(track),
+            confirmed=track.id in first,
+            steady=is_steady(track.life, host_ns),
+        )
+        for track in tracks
+    ]
