@@ -79,11 +79,11 @@ class ExchangeFit:
         "_bound",
         "_by_envelopes",
         "_changed_ns",
-        "_contradicting",
         "_fitted_ns",
         "_weigh_from",
         "_weights",
         "_window",
+        "contradicting",
         "in_doubt",
         "line",
     )
@@ -98,7 +98,8 @@ class ExchangeFit:
         """Whether the skew has just changed, or the newest exchanges disagree with those before by more than chance."""
         self._window: list[Exchange] = []
         self._best_ns: int | None = None
-        self._contradicting: list[Exchange] = []
+        self.contradicting: list[Exchange] = []
+        """The newest exchanges, if they contradict those before."""
         self._bound = HardBound()
         self._fitted_ns = HostNs(0)
         self._weights = RoundTripWeights()
@@ -118,23 +119,18 @@ class ExchangeFit:
     def insert(self, entry: Exchange) -> bool:
         """Take one exchange. Returns whether the last few in a row contradict all before them."""
         if self._bound.contradicts(entry):
-            self._contradicting.append(entry)
-            return len(self._contradicting) >= CONTRADICTIONS_FOR_A_STEP
-        self._contradicting.clear()
+            self.contradicting.append(entry)
+            return len(self.contradicting) >= CONTRADICTIONS_FOR_A_STEP
+        self.contradicting.clear()
         self._take(entry)
         return False
-
-    @property
-    def contradicting(self) -> list[Exchange]:
-        """The newest exchanges, if they contradict those before."""
-        return self._contradicting
 
     def contradiction_s(self, offset_ns: int) -> float:
         """Largest distance of this offset from the exchanges that contradict those before it, seconds; 0 without any.
 
         A single one far away is another clock's answer until a second one agrees.
         """
-        distances_ns = [abs(entry.offset_ns - offset_ns) for entry in self._contradicting]
+        distances_ns = [abs(entry.offset_ns - offset_ns) for entry in self.contradicting]
         if len(distances_ns) == 1 and distances_ns[0] > WILD_NS:
             return 0.0
         return max(distances_ns, default=0) * 1e-9
@@ -150,7 +146,7 @@ class ExchangeFit:
         contradiction_s = self.contradiction_s(offset_ns)
         if contradiction_s == 0.0:
             return by_drift_s
-        half_trip_s = 0.5e-9 * max(entry.round_trip_ns for entry in self._contradicting) + 1e-9 * ROUNDING_NS
+        half_trip_s = 0.5e-9 * max(entry.round_trip_ns for entry in self.contradicting) + 1e-9 * ROUNDING_NS
         return max(by_drift_s, contradiction_s + half_trip_s)
 
     def _take(self, entry: Exchange) -> None:
