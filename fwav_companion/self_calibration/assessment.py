@@ -106,6 +106,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """Calibration for the next flight: the mount without the heading, of which another flight has another error."""
     denied: tuple[PriorInflation, ...]
     """Priors of the configuration that the flight contradicts."""
+    constant: bool
+    """Whether a constant mount explains the flight: the innovations do not drift by more than constant errors do."""
     mount_known: float
     """Largest sigma of the mount across the line of sight in units of its prior, as the flight shows it."""
     posterior: tuple[Array, Array]
@@ -158,7 +160,8 @@ def assessed(
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
     mount_retained = retained.get(SharedParameter.MOUNT_X, 1.0)
-    if mount_known <= MOUNT_OBSERVABLE * mount_retained and (denied or shown <= MOST_DRIFT * mount_retained):
+    constant = bool(denied) or shown <= MOST_DRIFT * mount_retained
+    if constant and mount_known <= MOUNT_OBSERVABLE * mount_retained:
         status = CalibrationStatus.CALIBRATED
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
@@ -171,6 +174,7 @@ def assessed(
         parameters=parameters,
         keep=keep,
         denied=denied,
+        constant=constant,
         mount_known=mount_known,
         posterior=(mean, cov),
         known=known_parameters(mean, cov, joint.priors),

@@ -126,8 +126,19 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether delay and mount are known: the joint estimate is then the answer for every target that it holds."""
+        """Whether delay and mount are known."""
         return self.assessment is not None and self.assessment.status is CalibrationStatus.CALIBRATED
+
+    @property
+    def answers(self) -> bool:
+        """Whether the joint estimate is the answer for every target that it holds: what is not shown is at its prior in
+        every claim. Before the delay is known, and where no constant mount explains the flight, it is not, unless the
+        flight contradicts a prior on which the other filters rest.
+        """
+        assessment = self.assessment
+        if assessment is None or assessment.status is CalibrationStatus.WAITING:
+            return bool(self.denied)
+        return self.is_calibrated or assessment.constant
 
     @property
     def mount_off(self) -> float:

@@ -123,11 +123,11 @@ class TargetChoice(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.fix, placed, nn + ee))
 
     def target(self, track: LiveTrack) -> TargetEstimate:
-        """The target by the joint estimate once that is calibrated, by its own filter before.
+        """The target by the joint estimate once the delay is known, by its own filter before.
 
         Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
-        filter rests on the prior of the mount, and its covariance may shrink below that of the calibrated estimate. A
-        filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
+        filter rests on the priors of delay and mount, and its covariance may shrink below that of the joint estimate.
+        A filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
         claims then rest on the flight.
         """
         calibrator = self.calibrator
@@ -139,7 +139,7 @@ class TargetChoice(msgspec.Struct, frozen=True):
         by_landmarks = self.landmarks_show and not calibrator.denied
         if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
             return track.target
-        return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
+        return calibrated if calibrator.answers else track.target
 
     def reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
         """The tracks' reports, without branches."""

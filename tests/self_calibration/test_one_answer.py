@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from draws import first_of
-from simulated_flight import Flight
+from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import CalibrationStatus
@@ -94,3 +94,44 @@ def test_what_slips_in_flight_moves_the_published_place_by_no_more_than_its_clai
         statuses.append((view.frame, status))
     assert CalibrationStatus.CALIBRATED in [status for frame, status in statuses if frame < 500]
     assert statuses[-1][1] is not CalibrationStatus.CALIBRATED
+
+
+def late(seed):
+    """Over one target by a position that wanders: the camera is 20 ms late, as flapping shows; the mount is hidden."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET] = 0.02
+    unsure = priors(time_offset=0.012, position_north=1.0, position_east=1.0)
+    return Flight(seed=seed, seconds=8.0, shape="hover", targets=((4.0, 3.0),), biases=biases, priors=unsure)
+
+
+@pytest.mark.parametrize("seed", first_of(4, 1))
+def test_once_the_delay_is_known_the_answer_rests_on_it_and_not_on_its_prior(seed):
+    world = World(late(seed))
+    tracker = make_tracker(TrackingOptions(self_calibration=True), world.flight.priors, world.state_at)
+    statuses = []
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            calibrator = tracker.snapshot().calibrator
+            placed, status = calibrator.placed(track.id), tracker.calibration.status
+            if placed is not None and status is CalibrationStatus.TIME:
+                statuses.append(status)
+                assert track.position_ned[:2] == pytest.approx((placed.north, placed.east), abs=1e-12)
+    assert len(statuses) > 50
+
+
+def test_where_no_constant_mount_explains_the_flight_the_targets_own_filter_answers():
+    calibrator = calibrated(late(1))
+    drifting = msgspec.structs.replace(calibrator.assessment, constant=False, status=CalibrationStatus.TIME)
+    waiting = msgspec.structs.replace(calibrator.assessment, status=CalibrationStatus.WAITING)
+    assert calibrator.answers
+    assert not msgspec.structs.replace(calibrator, assessment=drifting).answers
+    assert not msgspec.structs.replace(calibrator, assessment=waiting).answers
+
+
+def calibrated(flight):
+    """The state of self-calibration after a flight."""
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    return tracker.snapshot().calibrator
