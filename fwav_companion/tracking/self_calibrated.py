@@ -131,7 +131,7 @@ class TargetChoice(msgspec.Struct, frozen=True):
         claims then rest on the flight.
         """
         calibrator = self.calibrator
-        if calibrator is None:
+        if calibrator is None or not calibrator.answers:
             return track.target
         calibrated = self.calibrated(track)
         if calibrated is None:
@@ -139,7 +139,7 @@ class TargetChoice(msgspec.Struct, frozen=True):
         by_landmarks = self.landmarks_show and not calibrator.denied
         if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
             return track.target
-        return calibrated if calibrator.answers else track.target
+        return calibrated
 
     def reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
         """The tracks' reports, without branches."""
