@@ -22,6 +22,7 @@ def main(url: str) -> int:
     station = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     if station.add_any_connection(url) is not ConnectionResult.SUCCESS:
         return 1
+    say(listens=True)
     system = station.first_autopilot(STARTING_S)
     if system is None:
         return 2

@@ -53,9 +53,11 @@ def wait_until_logged(site: Site, wanted: tuple[str, int]) -> None:
 
 @pytest.mark.timeout(400)
 def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavproxy: tuple[str, str]):
-    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+    to_camera = ("--target-system=1", "--target-component=100")
+    with site.service() as service, station(site, mavproxy, *to_camera) as peer:
         service.wait_for("link ground is up")
-        with station(site, mavproxy, "--target-system=1", "--target-component=100") as peer:
+        peer.wait_for("Waiting for heartbeat", SECONDS_S)  # the text about a target is sent once
+        with site.mock("--scenario", "unbiased", seconds=60.0) as mock:
             peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
             peer.wait_for(r"Detected vehicle 1:100 on link 0", SECONDS_S)
             peer.write_line("watch CAMERA_TRACKING_GEO_STATUS")
@@ -73,8 +75,8 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
             peer.wait_for(r"\d+: ATTITUDE {", SECONDS_S)  # the quaternion is only ours, and stays here
             wait_until_logged(site, ("CAMERA_INFORMATION", 100))
             peer.stop(signal.SIGINT)
-        assert service.stop() == 0
-        assert mock.stop() == 0
+            assert service.stop() == 0
+            assert mock.stop() == 0
     messages = heard(site)
     names = {(message.get_type(), message.get_srcComponent()) for message in messages}
     assert {("ATTITUDE", 1), ("GLOBAL_POSITION_INT", 1), ("HEARTBEAT", 1)} <= names, "nothing was relayed"

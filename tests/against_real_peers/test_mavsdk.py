@@ -47,9 +47,10 @@ def heard(said: str) -> dict[tuple[str, int], list[dict[str, Any]]]:
 
 @pytest.mark.timeout(300)
 def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
-    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+    with site.service() as service, station(site) as peer:
         service.wait_for("link ground is up")
-        with station(site) as peer:
+        peer.wait_for(r'"listens": true', SECONDS_S)  # the text about a target is sent once
+        with site.mock("--scenario", "unbiased", seconds=60.0) as mock:
             peer.wait_for(r'"system": true', SECONDS_S)
             peer.wait_for(r'"CAMERA_TRACKING_GEO_STATUS"(.|\n)*"CAMERA_TRACKING_GEO_STATUS"', SECONDS_S)
             peer.write_line(command(100, 512, 259.0))
@@ -62,8 +63,8 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
             for component in (1, 191, 100):
                 peer.wait_for(rf'"HEARTBEAT", "component": {component},', SECONDS_S)
             peer.stop()
-        assert service.stop() == 0
-        assert mock.stop() == 0
+            assert service.stop() == 0
+            assert mock.stop() == 0
     messages = heard(peer.said)
     beats = {component: messages["HEARTBEAT", component][-1] for component in (1, 191, 100)}
     assert [(beats[c]["type"], beats[c]["autopilot"], beats[c]["system_status"]) for c in (191, 100)] == [
