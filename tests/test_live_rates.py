@@ -95,6 +95,15 @@ def test_where_it_may_pass_our_own_rates_are_asked_for_again_at_once(site: Site)
         assert service.stop() == 0
 
 
+def reaches_hz(site: Site, name: str, hz: float) -> bool:
+    """Whether the service receives a message at this rate in one of twenty seconds: a busy machine starves the mock."""
+    for _ in range(20):
+        if site.status()["telemetry"]["rates_hz"][name] > hz:
+            return True
+        time.sleep(1.0)
+    return False
+
+
 @pytest.mark.timeout(120)
 def test_a_slow_link_is_spared_what_it_names_and_nothing_else(site: Site):
     limits = "max_rate_hz = { ATTITUDE_QUATERNION = 5 }\nforward_rate_requests = true"
@@ -107,7 +116,7 @@ def test_a_slow_link_is_spared_what_it_names_and_nothing_else(site: Site):
         }
         assert hz["ATTITUDE_QUATERNION"] == pytest.approx(5.0, abs=1.0)
         assert hz["DISTANCE_SENSOR"] == pytest.approx(10.0, abs=2.0)
-        assert site.status()["telemetry"]["rates_hz"]["ATTITUDE_QUATERNION"] > 85.0
+        assert reaches_hz(site, "ATTITUDE_QUATERNION", 85.0)
         assert service.stop() == 0
 
 
