@@ -127,7 +127,7 @@ def _other_times(messages: Sequence[Timed], entries: Sequence[object], unix_offs
         return []
     theirs, ours = _span(min(unix_ns), max(unix_ns)), _span(first_ns, last_ns)
     while_none = f"{outside} of {len(unix_ns)} frames came while there was no telemetry"
-    return [f"{while_none}: they are of {theirs}, it is of {ours}"]
+    return [f"{while_none}: frames from {theirs}, telemetry from {ours}"]
 
 
 def _host_stamp_ns(frame: Frame) -> int | None:

@@ -9,7 +9,7 @@ nearly inseparable from it while the tilt varies little.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import msgspec
 import numpy as np
@@ -131,14 +131,14 @@ def assessed(
     *,
     axes: tuple[Vector3, Vector3] = ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)),
     drift: InnovationConsistency | None = None,
-    before: Mapping[int, object] | None = None,
+    before: Assessment | None = None,
     stamp_sigma_s: float = 0.0,
     photographs: bool = False,
 ) -> Assessment:
     """The assessment of a joint estimate.
 
     ``priors``: means and one sigma of the shared parameters. ``axes``: mean directions in the body, down and toward the
-    targets. ``before``: the parameters observable so far. ``stamp_sigma_s``: open instant of attitude stamps.
+    targets. ``before``: the assessment before this one. ``stamp_sigma_s``: open instant of attitude stamps.
     ``photographs``: no shaking shows the delay, only motion as slow as the errors that wander.
     """
     means, sigmas = priors
@@ -152,16 +152,16 @@ def assessed(
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
-    retained = {
-        i: RETAINED if before and i in before else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)
-    }
+    reported = {} if before is None else before.parameters
+    retained = {i: RETAINED if i in reported else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)}
     status, keep = CalibrationStatus.WAITING, None
     if delay_sigma_s <= DELAY_OBSERVABLE * retained.get(SharedParameter.DELAY, 1.0) * sigmas[SharedParameter.DELAY]:
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
     mount_retained = retained.get(SharedParameter.MOUNT_X, 1.0)
-    constant = bool(denied) or shown <= MOST_DRIFT * mount_retained
-    if constant and mount_known <= MOUNT_OBSERVABLE * mount_retained:
+    drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
+    constant = drifts_little or (before is not None and before.constant and shown <= MOST_DRIFT * RETAINED)
+    if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
         status = CalibrationStatus.CALIBRATED
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])

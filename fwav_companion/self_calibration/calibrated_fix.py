@@ -54,7 +54,11 @@ class KnownParameters(msgspec.Struct, frozen=True, gc=False):
     priors: ErrorPriors
 
     def claims(self, fixes: Sequence[GroundFix]) -> list[list[list[float]]]:
-        """(N, 2, 2) covariance of fixes by the parameters alone, m^2."""
+        """(N, 2, 2) covariance of fixes by the parameters alone, m^2.
+
+        By the sensitivities at the stamps: right over a beat, too small for a fix that is stamped where the wing turns
+        back and was captured where it is fast.
+        """
         rows = _rows(fixes)
         claimed: list[list[list[float]]] = (rows @ self.cov @ rows.swapaxes(1, 2)).tolist()
         return claimed

@@ -30,7 +30,7 @@ beat of 5 degrees at 5 Hz errs by 0.006 degrees, at 10 Hz by 0.05: half of an at
 
 
 class CalibrationContext:
-    """The constants: priors, hypotheses of the delay, and the source of vehicle states."""
+    """The constants: priors, hypotheses of the delay, the source of vehicle states; and the newest frame's fixes."""
 
     def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
         self.priors = priors
@@ -84,7 +84,7 @@ class CalibrationContext:
         self._frame = FrameFixes(fixes, self.state_at)
 
     def frame_of(self, fix: GroundFix) -> FrameFixes:
-        """The newest frame if it holds this fix, else this fix alone."""
+        """The newest frame if it holds this fix; else a frame of this fix alone, which replaces it."""
         if fix not in self._frame:
             self.expect([fix])
         return self._frame

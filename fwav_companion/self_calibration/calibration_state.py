@@ -87,7 +87,8 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path or by the fix alone,
         whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander smoothly.
 
-        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
+        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix; where
+        the position wanders quickly, only where the fix alone is not known.
         """
         assessment, served, vehicle = self.assessment, self.passes.served, fix.sighting.state
         if assessment is None or served is None:
@@ -131,9 +132,10 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def answers(self) -> bool:
-        """Whether the joint estimate is the answer for every target that it holds: what is not shown is at its prior in
-        every claim. Before the delay is known, and where no constant mount explains the flight, it is not, unless the
-        flight contradicts a prior on which the other filters rest.
+        """Whether the joint estimate is the answer for every target that it holds.
+
+        From when the delay is known, while a constant mount explains the flight: what is not shown is at its prior in
+        every claim. Earlier only where the flight contradicts a prior, on which the other filters rest.
         """
         assessment = self.assessment
         if assessment is None or assessment.status is CalibrationStatus.WAITING:

@@ -181,7 +181,7 @@ class Calibrator(CalibrationState, frozen=True):
             self.context.shared_priors,
             axes=(self.axes.down, self.axes.sight),
             drift=served.drift,
-            before=None if self.assessment is None else self.assessment.parameters,
+            before=self.assessment,
             stamp_sigma_s=self.stamp_sigma_s,
             photographs=served.photographs,
         )

@@ -42,7 +42,8 @@ class FrameFixes:
     ) -> CalibratedFix | None:
         """A fix by the parameters, at the height of the smoothed path.
 
-        None where the trace of its covariance is not below ``below_m2``, or the vehicle at its capture is not known.
+        None where the trace of its covariance is not below ``below_m2``, where the vehicle at its capture is not known,
+        as it is not yet for a capture after the newest attitude, or where its ray does not meet the ground.
         """
         if self._claims is None or self._claims[0] is not known:
             self._claims = (known, known.claims(self._fixes))

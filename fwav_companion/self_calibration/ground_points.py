@@ -1,6 +1,7 @@
 """Fixes on the ground by values of the shared parameters, with the exact attitude at their delayed captures.
 
-A flapping wing turns by a third of a beat within 35 ms: no sensitivity at the nominal capture gives the ray then.
+A flapping wing goes through a third of a beat within 35 ms: the sensitivities at the nominal capture do not give the
+ray at the true one.
 """
 
 from __future__ import annotations
@@ -77,9 +78,10 @@ class GroundPoints:
         return self._met(fix, in_report=False)
 
     def in_report_of(self, fix: GroundFix) -> tuple[float, float]:
-        """The same in the frame of the vehicle's report at the nominal capture: its noise is in it, and no other's.
+        """The same in the frame of the vehicle's report at the nominal capture.
 
-        Until then the vehicle has moved by its velocity.
+        The way from the true capture to the nominal one is by the velocity: the result has the noise of this report
+        alone.
         """
         return self._met(fix, in_report=True)
 

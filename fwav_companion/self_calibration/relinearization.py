@@ -27,7 +27,7 @@ GROWTH, SETTLED_GROWTH = 1.6, 2.0
 once it is. Linearized 40 sights ago, a figure-eight that is seen for a few seconds at a time showed innovations that
 drift by a factor of 3.6, and no mount; linearized at its end it showed 1.7, and the mount."""
 ENOUGH = 400
-"""Measurements of each target at the last pass once the mount is known."""
+"""Measurements of each target in a pass after which no other begins once the mount is known."""
 STEP = 2
 """Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
 STEPS_PER_S = 60.0

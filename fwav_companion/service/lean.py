@@ -33,7 +33,9 @@ def spare_memory() -> None:
 
 @contextmanager
 def without_searches() -> Iterator[None]:
-    """Search for no garbage while a replay makes what stays, its modules and its recording: 6 % of the start."""
+    """Pause the search for garbage while a replay imports its modules and reads its recording, which stay: 6 % of its
+    start-up time.
+    """
     gc.disable()
     try:
         yield

@@ -30,7 +30,8 @@ fix from it."""
 LAST = 1e-3
 """Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
 LEFT = 1e-2
-"""The same of a steady track that may be out of view, for a fix that is more likely clutter: before tentative ones."""
+"""The same of a steady track that may be out of view and a fix that is more likely clutter: ten times as much, so that
+it mostly comes before a tentative track."""
 SURE = -6.0
 """Cost of a pair that shows the common biases although its track coasted: odds of 20 to 1."""
 JOINT_GATE = 13.8
@@ -215,7 +216,8 @@ def _is_doubtful(candidates: Sequence[Candidate]) -> bool:
 def _jointly(costs: dict[tuple[int, int], float], frame: _Frame, joint: JointGate) -> dict[tuple[int, int], float]:
     """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
 
-    A pair of a steady track is in doubt where another track, which is not steady, may take its fix.
+    A pair of a steady track is in doubt where another track, which is not steady, may take its fix; one that is more
+    likely clutter shows nothing.
     """
     candidates, doubtful = frame.candidates, {j for i, j in costs if not frame.candidates[i].steady}
 
@@ -227,7 +229,8 @@ def _jointly(costs: dict[tuple[int, int], float], frame: _Frame, joint: JointGat
     gated_after = None
     for _ in range(ROUNDS):
         for i, j in _unambiguous(costs, candidates):
-            if candidates[i].steady or (joint_cost(i, j) or 0.0) <= SURE:
+            beyond_doubt = candidates[i].steady and costs[i, j] < 0.0
+            if beyond_doubt or (joint_cost(i, j) or 0.0) <= SURE:
                 joint.learn(frame.standing(i), frame.fixes[j], steady=candidates[i].steady)
         if joint.pairs == gated_after:
             break

@@ -49,8 +49,9 @@ def without_strays(
 ) -> list[GroundFix]:
     """The fixes but those in the gate of a steady track without a fix in this frame: they are no evidence of another.
 
-    Association refuses such a fix where clutter is likelier. A track initiated with it would share its error, as one
-    of a height that several frames repeat, and take the next fixes of the same target from the confirmed track.
+    Association refuses such a fix where a false detection and a missed target are likelier. A track initiated with it
+    would share its error, as one of a height that several frames repeat, and take the next fixes of the same target
+    from the confirmed track.
     ``taken``: ids of the tracks with a fix.
     """
     waiting = [track for track in tracks if track.id not in taken and is_steady(track.life, host_ns)]

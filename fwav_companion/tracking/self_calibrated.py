@@ -123,12 +123,12 @@ class TargetChoice(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.fix, placed, nn + ee))
 
     def target(self, track: LiveTrack) -> TargetEstimate:
-        """The target by the joint estimate once the delay is known, by its own filter before.
+        """The target by the joint estimate where that answers (``CalibrationState.answers``), else by its own filter.
 
-        Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
-        filter rests on the priors of delay and mount, and its covariance may shrink below that of the joint estimate.
-        A filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
-        claims then rest on the flight.
+        Their covariances are not compared: before the delay is known, the joint estimate weighs fixes by their noise
+        alone; after it, a filter rests on the priors of delay and mount, and its covariance may shrink below that of
+        the joint estimate. A filter that rests on a prior which the flight contradicts is not used. What landmarks show
+        is compared: both claims then rest on the flight.
         """
         calibrator = self.calibrator
         if calibrator is None or not calibrator.answers:

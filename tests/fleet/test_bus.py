@@ -47,11 +47,11 @@ async def until(condition: Callable[[], object], meanwhile: Callable[[], object]
 def run(story: Callable[[ExitStack], Any]) -> None:
     """Run a story. Whatever it opens is closed: an open session keeps the process from ending."""
 
-    async def listen() -> None:
+    async def run_in_stack() -> None:
         with ExitStack() as stack:
             await story(stack)
 
-    asyncio.run(listen())
+    asyncio.run(run_in_stack())
 
 
 def opened_input(stack: ExitStack, place: BusPlace) -> tuple[GroundPicture, FleetInput]:

@@ -78,7 +78,7 @@ def test_no_queue_is_named_where_stamps_do_not_fall_behind(rate):
     assert not read_recording(recording(rate), b"", frozenset()).notes
 
 
-def test_no_queue_is_named_where_answers_show_the_clock():
+def test_no_queue_is_named_where_the_companion_asked_for_the_clock():
     request = Encoder(1, 191).encode("TIMESYNC", {"tc1": 0, "ts1": 10**12})
     data = recording(0.98) + tlog_record(BEGUN_US + 60_000_000, request)
     assert not read_recording(data, b"", frozenset({191})).notes

@@ -315,9 +315,9 @@ def test_frames_of_another_day_are_named_with_both_times(site):
     site.write("later.jsonl", b"\n".join(map(later, frames)))
     done = site.replay(detections=["later.jsonl"])
     said = (
-        rf"later\.jsonl: {len(frames)} of {len(frames)} frames came while there was no telemetry: they are of (.*) to "
+        rf"later\.jsonl: {len(frames)} of {len(frames)} frames came while there was no telemetry: frames from (.*) to "
     )
-    (theirs, ours) = re.fullmatch(said + r".* UTC, it is of (.*) to .* UTC\n", done.stderr).groups()
+    (theirs, ours) = re.fullmatch(said + r".* UTC, telemetry from (.*) to .* UTC\n", done.stderr).groups()
     apart = datetime.fromisoformat(theirs) - datetime.fromisoformat(ours)
     assert abs(apart - timedelta(days=1)) < timedelta(seconds=5)
 

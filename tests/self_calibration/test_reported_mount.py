@@ -1,5 +1,7 @@
 """The mount as reported and kept: its claims cover the truth over flights whose heading errs as its prior says."""
 
+from types import SimpleNamespace
+
 import msgspec
 import numpy as np
 import pytest
@@ -72,6 +74,20 @@ def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
     share = np.concatenate([told_in, kept_in]) / FLIGHTS
     assert np.all(share > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
     assert np.all(share < 0.95 + 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
+
+
+def test_a_drift_near_the_bound_does_not_turn_the_answer_on_and_off():
+    joint = as_joint(np.zeros(len(USED)), np.diag([*SIGMAS[:5] ** 2, 1.0, 1.0]))
+
+    def by(drift, before=None):
+        return assessed(joint, (MEANS, SIGMAS), drift=SimpleNamespace(factor=1.0, shown=drift), before=before)
+
+    little, large = by(5.9), by(6.3)
+    assert little.constant
+    assert not large.constant
+    assert by(6.3, little).constant
+    assert not by(6.7, little).constant
+    assert not by(6.3, large).constant
 
 
 def test_a_heading_error_is_reported_as_a_rotation_about_down():

@@ -7,7 +7,7 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.association import Candidate, associate, clutter
+from fwav_companion.tracking.association import Candidate, _Frame, _jointly, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.types.tracks import GateResult
 
@@ -127,3 +127,25 @@ def test_a_newborn_does_not_take_a_known_targets_fix():
     for k in range(21, 24):
         tracks = tracker.on_frame(a_view(k / 10, a_fix(k / 10, (4.35, 3.0, 0.0))))
         assert tracks[0].fix is not None
+
+
+class Learning:
+    """A joint gate that keeps which fixes it learned from."""
+
+    pairs = 0
+
+    def __init__(self):
+        self.fixes = []
+
+    def learn(self, _target, fix, *, steady):
+        assert steady
+        self.fixes.append(fix)
+
+
+def test_a_steady_tracks_fix_that_is_more_likely_clutter_does_not_show_the_common_biases():
+    fixes = [a_fix(0.0, (north, 0.0, 0.0)) for north in (0.0, 50.0)]
+    steady = [Candidate("", Expecting(1.0, 0.0), None) for _ in fixes]
+    frame, joint = _Frame(steady, fixes, {0: 10.0, 1: 10.0}, 8.0), Learning()
+    costs = {(0, 0): 3.0, (1, 1): -5.0}
+    assert _jointly(costs, frame, joint) == costs
+    assert joint.fixes == fixes[1:]

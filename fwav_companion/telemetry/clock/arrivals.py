@@ -16,11 +16,11 @@ within 14 ms over 30 s; over 2 s a single late one bends the line."""
 RATE_VARIES = 0.02
 """One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time: the
 follower's RATE_WANDER at a departure of a tenth. At the recorded 0.987 the term is 0.8 ms, and the whole claim there is
-2.5 times the error; pauses are LATE_ARRIVALS' part."""
+2.5 times the error; pauses are covered by LATE_ARRIVALS."""
 ARRIVALS_TO_BEGIN = 10
 LATE_ARRIVALS = 3
-"""Arrivals in a row of which the least late counts: one or two may be late by chance. The least of three exponential
-delays is a third of their mean."""
+"""Arrivals of one window, of which the least late counts: one or two may be late by chance. The least of three
+exponential delays is a third of their mean. Windows do not overlap, so a pause is seen within five arrivals."""
 
 LEAST_DELAY_SIGMA_S = 5e-3
 """One sigma of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a
@@ -52,9 +52,9 @@ class ArrivalEnvelope:
         """``rate``: of the autopilot's clock, if it is not a crystal's; it varies by as much as it differs from 1."""
         self.line: ClockLine | None = None
         self.late_s = 0.0
-        """By how much the newest arrivals are later than the line, seconds, beyond its own sigma: the clock stood still
-        for a while, as a simulator's does, or a queue has grown. The line follows a clock that did only when the
-        buckets before are gone."""
+        """Lateness of the newest arrivals against the line, seconds; it adds to the line's own sigma. The clock stood
+        still for a while, as a simulator's does, or a queue has grown. The line follows a clock that stood still only
+        when the buckets from before are gone."""
         self._late, self._least_late_ns = 0, 0
         room = max(MOST_SKEW, abs(1.0 - rate))
         self._stored = BUCKETS if room == MOST_SKEW else SIMULATED_BUCKETS

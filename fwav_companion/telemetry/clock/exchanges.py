@@ -128,7 +128,7 @@ class ExchangeFit:
     def contradiction_s(self, offset_ns: int) -> float:
         """Largest distance of this offset from the exchanges that contradict those before it, seconds; 0 without any.
 
-        A single one far away is another clock's answer until a second one agrees.
+        A single one far away may be another clock's answer; a second contradiction makes both count.
         """
         distances_ns = [abs(entry.offset_ns - offset_ns) for entry in self.contradicting]
         if len(distances_ns) == 1 and distances_ns[0] > WILD_NS:

@@ -24,9 +24,9 @@ from fwav_companion.tools.demo.scoreboard import Scoreboard, TargetScore
 COMES_UP_S = 30.0
 """Longest start-up time of the service, seconds: Python on a slow board needs several."""
 BEFORE_FLIGHT_S, STARTS_BEFORE_FLIGHT, MOST_BEFORE_FLIGHT_S = 3.0, 3.0, 30.0
-"""Time before the flight in which the mock camera renders the ground, seconds; at least as many start-up times of the
-service, which are long on a busy or slow machine: the camera takes 2 s of CPU, the service 0.7 s. Not more than the
-last."""
+"""Seconds before the flight in which the mock camera renders the ground: at least the first, at least the second in
+start-up times of the service (long on a busy or slow machine: the camera takes 2 s of CPU, the service 0.7 s), at most
+the third."""
 STEP_S = 0.2
 """Period of the watch loop, seconds."""
 SETTLES_S = 1.2

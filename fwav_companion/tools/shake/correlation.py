@@ -161,7 +161,7 @@ def _orthogonal(products: Floats, seen: Floats, turned: Floats) -> tuple[Floats,
 class RateLag(msgspec.Struct, frozen=True):
     """Lag of the transmitted body rates behind the attitudes.
 
-    Attitudes integrate raw gyroscopes; their rates have passed a filter (ArduPilot: two poles at 20 Hz).
+    Attitudes integrate raw gyroscopes; the transmitted rates have passed a filter (ArduPilot: two poles at 20 Hz).
     """
 
     lag_s: float

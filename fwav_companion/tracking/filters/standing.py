@@ -199,10 +199,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         The vehicle's position has wandered since the last fix, by as much for all targets: two more sensitivities.
         """
         own, seen = self.apparent, self.model.errors.prepared(fix)
-        (d_n, d_e), wandered = (
-            difference(seen.shared, own.shared),
-            sqrt(max(0.0, self.predicted.noise[0] - own.noise[0])),
-        )
+        d_n, d_e = difference(seen.shared, own.shared)
+        wandered = sqrt(max(0.0, self.predicted.noise[0] - own.noise[0]))
         (nn, ne, ee), ((r_nn, r_ne, _), (_, r_ee, _), _) = own.noise, seen.noise
         return SharedInnovation(
             seen.position[0] - own.north_m,
