@@ -29,6 +29,9 @@ CONFIRMED_BONUS = 8.0
 fix from it."""
 LAST = 1e-3
 """Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
+MOST_FALSE = 1.0
+"""False detections a frame up to which a steady track takes a fix that is more likely clutter. A track of clutter would
+live on them: at three a frame one lived for 25 s of 60."""
 LEFT = 1e-2
 """The same of a steady track that may be out of view and a fix that is more likely clutter: ten times as much, so that
 it mostly comes before a tentative track."""
@@ -70,6 +73,8 @@ class Clutter(msgspec.Struct, frozen=True):
     """Twice the log of the odds of a detection over a missed one, 0 at most."""
     miss_cost: float = 0.0
     """The same odds, 0 at least: cost of a target in view that stays without a fix."""
+    far_cost: float = 0.0
+    """Cost below which a steady track takes a fix: that of a miss where false detections are rare."""
 
     def llr_of(self, fix: GroundFix) -> float:
         """CLUTTER_LLR of a fix: NIS plus log determinant ratio at which target and clutter are equally likely."""
@@ -80,7 +85,8 @@ def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
     """The clutter of a frame. ``image_px2``: area of the image, square pixels."""
     probability = detector.detection_probability
     odds = 2.0 * log(probability / (1.0 - probability))
-    return Clutter(detector.false_per_frame / image_px2, min(0.0, odds), max(0.0, odds))
+    false, miss_cost = detector.false_per_frame, max(0.0, odds)
+    return Clutter(false / image_px2, min(0.0, odds), miss_cost, miss_cost if false <= MOST_FALSE else 0.0)
 
 
 def noise_area_px2(fix: GroundFix) -> float:
@@ -102,8 +108,7 @@ class _Frame(msgspec.Struct, frozen=True):
     fixes: Sequence[GroundFix]
     clutter_llr: Mapping[int, float]
     """CLUTTER_LLR of the fixes that a track may take, by index."""
-    miss_cost: float
-    """Cost of a target in view that stays without a fix."""
+    against: Clutter
 
     def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
         """The cost of candidate i with fix j, the lower the better; None outside the gate.
@@ -114,7 +119,7 @@ class _Frame(msgspec.Struct, frozen=True):
         if detector_id is not None and detector_id == self.candidates[i].detector_id:
             return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
         cost = gated.nis + gated.log_det_ratio - self.clutter_llr[j]
-        most = self.miss_cost if self.candidates[i].steady else 0.0
+        most = self.against.far_cost if self.candidates[i].steady else 0.0
         return cost if gated.nis < gate and cost < most else None
 
     def standing(self, i: int) -> StandingTargetState:
@@ -137,7 +142,7 @@ def associate(
     ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
-    frame = _Frame(candidates, fixes, clutter_llr, against.miss_cost)
+    frame = _Frame(candidates, fixes, clutter_llr, against)
     costs = _refined(_costs(possible, frame), frame)
     first = candidates[0].target
     nonlinear = isinstance(first, StandingTargetState) and first.nonlinear
@@ -173,7 +178,7 @@ def _possible(
         detection = fix.sighting.detection
         if detection.label in targets:
             llr = clutter_llr[j] = against.llr_of(fix) + against.detection_odds
-            gate = max(0.0, min(GATE, llr + against.miss_cost)) if detection.detector_id is None else ID_GATE
+            gate = max(0.0, min(GATE, llr + against.far_cost)) if detection.detector_id is None else ID_GATE
             by_label[detection.label].append((j, fix, gate))
     possible: dict[int, list[int]] = {}
     for label, of_label in by_label.items():
@@ -256,7 +261,7 @@ def _with_misses(
     A tentative track without a fix may be of clutter: then no target was missed. A steady track that the image's edge
     may hide takes a fix that is left.
     """
-    miss_cost, candidates = frame.miss_cost, frame.candidates
+    miss_cost, candidates = frame.against.miss_cost, frame.candidates
     if could_see is None or miss_cost <= 0.0:
         return costs
     rows = {i for i, _ in costs if candidates[i].confirmed}

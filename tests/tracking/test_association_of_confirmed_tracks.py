@@ -145,7 +145,7 @@ class Learning:
 def test_a_steady_tracks_fix_that_is_more_likely_clutter_does_not_show_the_common_biases():
     fixes = [a_fix(0.0, (north, 0.0, 0.0)) for north in (0.0, 50.0)]
     steady = [Candidate("", Expecting(1.0, 0.0), None) for _ in fixes]
-    frame, joint = _Frame(steady, fixes, {0: 10.0, 1: 10.0}, 8.0), Learning()
+    frame, joint = _Frame(steady, fixes, {0: 10.0, 1: 10.0}, CLUTTER), Learning()
     costs = {(0, 0): 3.0, (1, 1): -5.0}
     assert _jointly(costs, frame, joint) == costs
     assert joint.fixes == fixes[1:]
