@@ -153,12 +153,13 @@ def assessed(
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
     reported = {} if before is None else before.parameters
-    retained = {i: RETAINED if i in reported else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)}
+    delay_retained, mount_retained = (
+        RETAINED if i in reported else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)
+    )
     status, keep = CalibrationStatus.WAITING, None
-    if delay_sigma_s <= DELAY_OBSERVABLE * retained.get(SharedParameter.DELAY, 1.0) * sigmas[SharedParameter.DELAY]:
+    if delay_sigma_s <= DELAY_OBSERVABLE * delay_retained * sigmas[SharedParameter.DELAY]:
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
-    mount_retained = retained.get(SharedParameter.MOUNT_X, 1.0)
     drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
     constant = drifts_little or (before is not None and before.constant and shown <= MOST_DRIFT * RETAINED)
     if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:

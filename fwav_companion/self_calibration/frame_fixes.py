@@ -63,7 +63,7 @@ class FrameFixes:
         if self._state_at is None:
             return known.linear(fix)
         if self._points is None or self._points[0] is not known:
-            mean = (known.mean * SIGNS).tolist()
+            mean = (known.mean * SIGNS).tolist()  # biases of a fix, as the shared parameters that they are
             self._points = (known, GroundPoints(mean, fix.sighting, self._state_at, FIX_KNOT_NS))
         place = self._points[1].in_report_of(fix)
         return place if isfinite(place[0]) else None

@@ -29,12 +29,12 @@ CONFIRMED_BONUS = 8.0
 fix from it."""
 LAST = 1e-3
 """Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
-MOST_FALSE = 1.0
-"""False detections a frame up to which a steady track takes a fix that is more likely clutter. A track of clutter would
-live on them: at three a frame one lived for 25 s of 60."""
 LEFT = 1e-2
 """The same of a steady track that may be out of view and a fix that is more likely clutter: ten times as much, so that
 it mostly comes before a tentative track."""
+MOST_FALSE = 1.0
+"""False detections a frame up to which a steady track takes a fix that is more likely clutter. A track of clutter would
+live on them: at three a frame one lived for 25 s of 60."""
 SURE = -6.0
 """Cost of a pair that shows the common biases although its track coasted: odds of 20 to 1."""
 JOINT_GATE = 13.8

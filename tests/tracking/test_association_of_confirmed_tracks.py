@@ -88,6 +88,15 @@ def test_a_tentative_track_in_view_was_not_missed():
     assert list(taken) == [0]
 
 
+@pytest.mark.parametrize(("each_frame", "takes"), [(0.9, True), (1.1, False), (3.0, False)])
+def test_where_false_detections_are_dense_no_track_takes_one_to_avoid_a_miss(each_frame, takes):
+    """A track of clutter would live on them."""
+    model = DetectorModel(detection_probability=0.9, false=each_frame * 1e6, frames=1e6)
+    fix, against = a_fix(0.0, (4, 3, 0), label="target"), clutter(model, 1000.0)
+    expecting = Expecting(3.0, against.llr_of(fix) - 3.0 + 4.0)
+    assert list(associate([Candidate("target", expecting, None)], [fix], against)) == ([0] if takes else [])
+
+
 @pytest.mark.parametrize(("beyond", "takes"), [(4.0, True), (5.0, False)])
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_steady_track_takes_a_fix_that_is_less_unlikely_than_a_miss(beyond, takes, steady):
