@@ -80,6 +80,14 @@ def test_an_upside_down_camera_is_named_and_nothing_is_estimated():
     assert "mistake" not in lines[0]
 
 
+def test_errors_within_their_priors_are_no_mistake_of_the_mount():
+    """The heading is off by 5.4 degrees for a sigma of 2, the mount by 1.9 for 1.1, the position wanders by 1 m."""
+    flown = fly(scenario("figure_eight").but({"seconds": 40.0, "seed": 707}), ("tracking.self_calibration=true",))
+    assert flown.mock.biases.heading_deg == pytest.approx(5.4, abs=0.1)
+    seen = [line for line in flown.companion.lines if line["type"] == "target" and line["fix"] is not None]
+    assert flown.mock.flight_s(round(seen[-1]["time_unix"] * 1e9) - flown.companion.unix_offset_ns) > 39.5
+
+
 KEPT = KeptCalibration(
     time_offset_s=0.035, time_offset_sigma_s=0.001, mount=(0.01, 0.02, 0.03), mount_sigma=(0.002, 0.002, 0.03)
 )

@@ -9,7 +9,7 @@ mounts: a mount that gathers them is reported, and with it the error of everythi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import acos, degrees, inf, pi, radians
+from math import acos, degrees, hypot, inf, radians
 from typing import TypeAlias
 
 import msgspec
@@ -18,7 +18,7 @@ import numpy as np
 from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.self_calibration.arrays import Array, rotation, times
+from fwav_companion.self_calibration.arrays import EYE, Array, rotation, times
 from fwav_companion.self_calibration.sights import (
     CommonPoint,
     Sights,
@@ -27,7 +27,7 @@ from fwav_companion.self_calibration.sights import (
     sight_of,
     sights_of,
 )
-from fwav_companion.types import ErrorPriors, GroundFix, VehicleState
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
 Turn: TypeAlias = tuple[int, int, int, int]
 """x' = a x + b y, y' = c x + d y of the camera's ray."""
@@ -66,11 +66,17 @@ GATHERED = 0.45
 """Spread against that of the configured mount, below which a candidate explains the sights: a metre of wandering
 position remains even with the right one."""
 AS_GOOD, SHARP = 1.25, 0.02
-"""Spread against that of mounts near it, up to which a turned image is the simpler explanation, or by itself: a degree,
-what pixels leave."""
+"""Spread against that of mounts near it, up to which a turned image or a likely mount is the simpler explanation, or by
+itself: a degree, what pixels leave."""
 SMALL = radians(8.0)
 """Where a mount off by less gathers the sights, too, there is no gross mistake: few views hardly distinguish them.
 Self-calibration finds that mount, and the targets have wide covariances until it did."""
+LIKELY = 14.2
+"""Squared Mahalanobis distance from the configured mount, up to which the priors of mount, attitude and heading hold a
+mount, and so do all claims: right priors exceed it once in 400 flights (3 degrees of freedom). Of fifty flights drawn
+from the priors one, with a heading off by 5.4 degrees for a sigma of 2, had no fix for its last 20 s."""
+KNOWN = 1e-6
+"""One sigma of an angle that is configured as exactly known, rad."""
 NAMED = radians(12.0)
 """A mount off by more is named. Of mounts off by 10 degrees self-calibration found all, of those off by 15 nine in ten,
 by 20 half."""
@@ -132,17 +138,17 @@ class MountCheck(msgspec.Struct, frozen=True):
         own = [each for each in sights if each.label == sight.label]
         if len(own) < LEAST_KEPT or self.fresh + 1 < FRESH:
             return MountCheck(self.predicted_ns, sights, self.fresh + 1, delay_s, self.mistake)
-        wild = max(WILD, DISPLACED * expected_spread(own, priors))
-        return MountCheck(self.predicted_ns, sights, 0, delay_s, _judged(own, self.mistake, wild, self.predicted_ns))
+        judged = _judged(own, self.mistake, self.predicted_ns, priors)
+        return MountCheck(self.predicted_ns, sights, 0, delay_s, judged)
 
 
 def _judged(
-    sights: Sequence[SingleSight], before: MountMistake | None, wild: float, predicted_ns: int
+    sights: Sequence[SingleSight], before: MountMistake | None, predicted_ns: int, priors: ErrorPriors
 ) -> MountMistake | None:
-    """The mistake by these sights, where those of the configured mount spread by more than ``wild``; the one found
-    ``before`` remains until the configured mount gathers them as much better.
+    """The mistake by these sights, where they spread far under the configured mount; the one found ``before`` remains
+    until the configured mount gathers them as much better.
     """
-    seen = sights_of(sights)
+    seen, wild = sights_of(sights), max(WILD, DISPLACED * expected_spread(sights, priors))
     (configured,) = seen.meeting(np.array([sights[-1].body_from_camera]))
     if before is not None:
         (common,) = seen.meeting(before.common.body_from_camera[None])
@@ -153,6 +159,8 @@ def _judged(
     image = _image(seen, configured)
     if image is not None:
         return _mistake(seen, configured, *image)
+    if _is_within_priors(seen, configured, sights[-1], priors):
+        return before
     suspect = _predicting(sights, configured, predicted_ns)
     if suspect is None:
         return before
@@ -198,7 +206,7 @@ def _predicting(sights: Sequence[SingleSight], configured: CommonPoint, predicte
 def _suspect(seen: Sights, configured: CommonPoint) -> CommonPoint | None:
     """The mount that explains these sights, one near the configured one first; None where there is none."""
     mount = configured.body_from_camera
-    near = _searched(seen, mount[None], SMALL_STEPS, SMALL)
+    near = _searched(seen, mount[None], SMALL_STEPS, lambda each: _angle(mount, each) <= SMALL)
     if near.spread < _enough(configured):
         return near
     found = _searched(seen, times(rotation(STARTS), mount), STEPS)
@@ -219,15 +227,17 @@ def _mirrors(turn: Turn) -> bool:
     return a * d < b * c
 
 
-def _searched(seen: Sights, starts: Array, steps: Sequence[float], within: float = pi) -> CommonPoint:
-    """The mount that gathers the sights best: from the best start by steps about body axes."""
-    best = start = min(seen.meeting(starts), key=_spread)
+def _searched(
+    seen: Sights, starts: Array, steps: Sequence[float], allowed: Callable[[Array], bool] = lambda _: True
+) -> CommonPoint:
+    """The ``allowed`` mount that gathers the sights best: from the best start by steps about body axes."""
+    best = min(seen.meeting(starts), key=_spread)
     for step in steps:
         least = inf
         while best.spread < least:
             least = best.spread
             near = times(rotation(AXES * step), best.body_from_camera)
-            near = near[[_angle(start.body_from_camera, each) <= within for each in near]]
+            near = near[[allowed(each) for each in near]]
             best = min([best, *(seen.meeting(near) if len(near) else ())], key=_spread)
     return best
 
@@ -235,6 +245,26 @@ def _searched(seen: Sights, starts: Array, steps: Sequence[float], within: float
 def _angle(a: Array, b: Array) -> float:
     """Angle of the rotation from one mount to the other, rad."""
     return acos(max(-1.0, min(1.0, 0.5 * (float((a * b).sum()) - 1.0))))
+
+
+def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight, priors: ErrorPriors) -> bool:
+    """Whether a likely mount explains the sights as well as any near it, by the priors of all that turns them alike:
+    the mount itself, roll and pitch, and the heading about down.
+    """
+    sigma, heading = priors.sigma, priors.sigma(Bias.HEADING) * np.array(sight.ned_from_body)[2]
+    mount = (hypot(sigma(Bias.MOUNT_X), sigma(Bias.ROLL)), hypot(sigma(Bias.MOUNT_Y), sigma(Bias.PITCH)))
+    cov = np.diag((*mount, sigma(Bias.MOUNT_Z))) ** 2 + heading[:, None] * heading
+    information = np.linalg.inv(cov + KNOWN**2 * EYE)
+
+    def is_likely(mount: Array) -> bool:
+        turn = mount @ configured.body_from_camera.T
+        off = 0.5 * np.array((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
+        return bool(off @ information @ off < LIKELY)
+
+    likely = _searched(seen, configured.body_from_camera[None], SMALL_STEPS, is_likely)
+    if likely.spread >= _enough(configured):
+        return False
+    return likely.spread < max(SHARP, AS_GOOD * _searched(seen, likely.body_from_camera[None], SMALL_STEPS).spread)
 
 
 def _named(configured: Array, found: Array) -> str:
