@@ -58,8 +58,8 @@ def make_tracker(
     if calibrator is None:
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
     # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
-    beside = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
-    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, beside=beside)
+    calibrating = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
+    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=calibrating)
 
 
 def tracker_with(

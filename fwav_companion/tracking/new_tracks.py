@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
 
+import msgspec
+
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_model import DetectorModel
@@ -17,17 +19,28 @@ MAX_TRACKS = 200
 """Live tracks at once. A frame has 256 detections at most."""
 
 
+class Begun(msgspec.Struct, frozen=True):
+    """The tracks after a frame with those that it began, and its fixes that began none."""
+
+    tracks: list[LiveTrack]
+    next_id: int
+    refused: int = 0
+    """Fixes that found the table full."""
+    strays: int = 0
+    """Fixes in the gate of a steady track (``without_strays``)."""
+
+
 def with_new(
-    tracks: list[LiveTrack],
+    before: Begun,
     fixes: Sequence[GroundFix],
     host_ns: HostNs,
-    next_id: int,
     *,
     target_of: Callable[[GroundFix], TargetState],
     branchings: reacquisition.Branchings,
     detector: DetectorModel,
-) -> tuple[list[LiveTrack], int]:
-    """The tracks with one initiated for each of these fixes that the table has room for, and the next free id."""
+) -> Begun:
+    """The tracks with one initiated for each of these fixes that the table has room for."""
+    tracks, next_id = list(before.tracks), before.next_id
     room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
     yielding = weakest_first(tracks) if len(fixes) > room else []
     for i in yielding[: max(0, len(fixes) - room)]:
@@ -41,7 +54,7 @@ def with_new(
         else:
             tracks.append(initiate(next_id, fix, target_of(fix), host_ns))
             next_id += 1
-    return tracks, next_id
+    return Begun(tracks, next_id, refused=len(fixes) - number)
 
 
 def without_strays(
@@ -75,3 +88,10 @@ def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
     coasting = [i for i, life in lives.items() if life.state is TrackState.COASTING]
     tentative.sort(key=lambda i: (lives[i].log_likelihood_ratio, lives[i].last_seen_ns))
     return tentative + sorted(coasting, key=lambda i: lives[i].last_seen_ns)
+
+
+def unused_fixes(tracks: Sequence[LiveTrack], begun: Begun) -> dict[Reason, int]:
+    """Number of fixes of a frame that no reported track has, by reason. ``tracks``: those after the frame."""
+    weak = begun.strays + sum([track.id < 0 and track.fix is not None for track in tracks])
+    counts = {Reason.TOO_MANY_TRACKS: begun.refused, Reason.WEAK_EVIDENCE: weak}
+    return {reason: count for reason, count in counts.items() if count}

@@ -179,16 +179,6 @@ def detector_after(
     return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided)
 
 
-def unused_fixes(tracks: Sequence[LiveTrack], refused: int, strays: int) -> dict[Reason, int]:
-    """Number of fixes of a frame that no reported track has, by reason.
-
-    ``refused``: they found the table full; ``strays``: no track was initiated with them (``new_tracks``).
-    """
-    weak = strays + sum([track.id < 0 and track.fix is not None for track in tracks])
-    counts = {Reason.TOO_MANY_TRACKS: refused, Reason.WEAK_EVIDENCE: weak}
-    return {reason: count for reason, count in counts.items() if count}
-
-
 def teaches(fix: GroundFix) -> bool:
     """Whether the height of the detected point above the ground is exactly known, and the vehicle's motion too: in a
     world without a position, targets move as the vehicle does.

@@ -17,7 +17,7 @@ from fwav_companion.tracking.filters.base import Filter, TargetEstimate
 from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 from fwav_companion.tracking.joint_compatibility import CommonBiases, JointGate
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, is_steady, not_detected
-from fwav_companion.tracking.new_tracks import MAX_TRACKS, with_new, without_strays
+from fwav_companion.tracking.new_tracks import MAX_TRACKS, Begun, unused_fixes, with_new, without_strays
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
@@ -26,7 +26,6 @@ from fwav_companion.tracking.track_state import (
     innovation,
     opened,
     teaches,
-    unused_fixes,
     with_shared_evidence,
 )
 from fwav_companion.tracking.visibility import is_missed_detection
@@ -49,7 +48,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     next_id: int = 1
     calibrator: Calibrator | None = None
     """None without self-calibration."""
-    beside: Snapshot | None = None
+    calibrating: Snapshot | None = None
     """State of the tracker that calibrates in the place of this one, where it is to return to."""
     merging: TrackMerging = TrackMerging()
     detector: DetectorModel = DetectorModel()
@@ -66,7 +65,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 class Tracker:
     """Follows targets through frames in the order of their capture, which :class:`Reorder` ensures."""
 
-    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "reports_innovations")
+    __slots__ = ("_calibrating", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "reports_innovations")
 
     def __init__(
         self,
@@ -76,13 +75,13 @@ class Tracker:
         *,
         corrects: bool = True,
         patience_ns: int = 0,
-        beside: Tracker | None = None,
+        calibrating: Tracker | None = None,
         landmarks: LandmarkTracking | None = None,
     ) -> None:
         """``corrects``: whether the result of self-calibration moves the tracks, or is only reported.
 
-        ``patience_ns``: least age of a track that teaches. ``beside``: a tracker of the same frames that calibrates in
-        the place of this one. ``landmarks``: corrects the targets in the place of ``target_filter``.
+        ``patience_ns``: least age of a track that teaches. ``calibrating``: a tracker of the same frames that
+        calibrates in the place of this one. ``landmarks``: corrects the targets in the place of ``target_filter``.
         """
         self.reports_innovations = False
         """Whether tracks report innovations, which flying does not use."""
@@ -90,7 +89,7 @@ class Tracker:
         self._keep_ns = keep_ns
         self._corrects = corrects
         self._patience_ns = patience_ns
-        self._beside = beside
+        self._calibrating = calibrating
         self._state = Snapshot(calibrator=calibrator, landmarks=landmarks)
 
     @property
@@ -130,23 +129,24 @@ class Tracker:
 
     @property
     def _calibrator(self) -> Calibrator | None:
-        return (self._beside or self)._state.calibrator
+        return (self._calibrating or self)._state.calibrator
 
     def snapshot(self) -> Snapshot:
         """The present state, to return to."""
-        beside = self._beside
-        return self._state if beside is None else msgspec.structs.replace(self._state, beside=beside.snapshot())
+        if self._calibrating is None:
+            return self._state
+        return msgspec.structs.replace(self._state, calibrating=self._calibrating.snapshot())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to an earlier state, ids included: the same frames then give the same tracks again."""
         self._state = snapshot
-        if self._beside is not None and snapshot.beside is not None:
-            self._beside.restore(snapshot.beside)
+        if self._calibrating is not None and snapshot.calibrating is not None:
+            self._calibrating.restore(snapshot.calibrating)
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id; a track that the frame deleted is among them once."""
-        if self._beside is not None:
-            self._beside.on_frame(view)
+        if self._calibrating is not None:
+            self._calibrating.on_frame(view)
         state, choice = self._state, self._choice
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
@@ -154,18 +154,11 @@ class Tracker:
         after, missed = self._after(predicted, taken, view, choice)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
-        tracks, next_id, refused, strays = list(merging.merged(after, choice.target)), state.next_id, 0, 0
+        begun = Begun(list(merging.merged(after, choice.target)), state.next_id)
         if len(taken) < len(view.fixes):
-            used = {id(fix) for fix, _ in taken.values()}
-            left = [fix for fix in view.fixes if id(fix) not in used]
-            free = without_strays(left, predicted, taken, view.host_ns)
-            strays = len(left) - len(free)
-            target_of = self._filter.initiate if landmarks is None else landmarks.initiate
-            tracks, next_id = with_new(
-                tracks, free, view.host_ns, next_id, target_of=target_of, branchings=branchings, detector=state.detector
-            )
-            refused = len(after) + len(free) - len(tracks)
-        detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=refused)
+            begun = self._begun(begun, predicted, taken, branchings, view, landmarks)
+        tracks, next_id = begun.tracks, begun.next_id
+        detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=begun.refused)
         if landmarks is not None:
             landmarks = landmarks.tracked(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
@@ -174,20 +167,37 @@ class Tracker:
             tracks, next_id = reacquisition.independent(tracks, next_id)
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         living, wander = with_shared_evidence(living, state.wander)
-        calibrator = self._taught(view, living)
-        unused = unused_fixes(tracks, refused, strays) if refused or branches or strays else {}
         self._state = Snapshot(
             living,
             next_id,
-            calibrator,
+            self._taught(view, living),
             merging=merging,
             detector=detector,
-            unused_fixes=unused,
+            unused_fixes=unused_fixes(tracks, begun) if begun.refused or branches or begun.strays else {},
             landmarks=landmarks,
             wander=wander,
             biases=joint.biases,
         )
         return self._choice.reports(tracks, view)
+
+    def _begun(
+        self,
+        before: Begun,
+        predicted: Sequence[LiveTrack],
+        taken: Taken,
+        branchings: reacquisition.Branchings,
+        view: FrameView,
+        landmarks: LandmarkTracking | None,
+    ) -> Begun:
+        """The tracks with those that begin by the fixes that no track has. ``predicted``: those before the frame."""
+        used = {id(fix) for fix, _ in taken.values()}
+        left = [fix for fix in view.fixes if id(fix) not in used]
+        free = without_strays(left, predicted, taken, view.host_ns)
+        target_of = self._filter.initiate if landmarks is None else landmarks.initiate
+        begun = with_new(
+            before, free, view.host_ns, target_of=target_of, branchings=branchings, detector=self._state.detector
+        )
+        return msgspec.structs.replace(begun, strays=len(left) - len(free))
 
     def _predicted(self, view: FrameView, landmarks: LandmarkTracking | None) -> list[LiveTrack]:
         """The live tracks at the instant of a frame, before it."""
@@ -223,8 +233,8 @@ class Tracker:
 
     def catch_up(self, now_ns: HostNs) -> None:
         """Let self-calibration take the fixes that are due, between frames that come seldom."""
-        if self._beside is not None:
-            self._beside.catch_up(now_ns)
+        if self._calibrating is not None:
+            self._calibrating.catch_up(now_ns)
         calibrator, living = self._state.calibrator, self._state.alive
         if calibrator is not None and calibrator.due_ns is not None and calibrator.due_ns <= now_ns:
             caught_up = calibrator.caught_up(now_ns, {track.id for track in self._teachers(living, now_ns)})
@@ -240,8 +250,8 @@ class Tracker:
         dropped = [msgspec.structs.replace(track.deleted(reason), fix=None, innovation=None) for track in state.alive]
         reported = self._choice.reports(dropped, view)
         restarted = None if state.calibrator is None else state.calibrator.restarted()
-        if self._beside is not None:
-            self._beside.drop_all(reason, view)
+        if self._calibrating is not None:
+            self._calibrating.drop_all(reason, view)
         landmarks = None if state.landmarks is None else state.landmarks.restarted()
         self._state = Snapshot((), state.next_id, restarted, detector=state.detector, landmarks=landmarks)
         return reported
