@@ -152,14 +152,11 @@ def assessed(
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
-    reported = {} if before is None else before.parameters
-    delay_retained, mount_retained = (
-        RETAINED if i in reported else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)
-    )
     status, keep = CalibrationStatus.WAITING, None
-    if delay_sigma_s <= DELAY_OBSERVABLE * delay_retained * sigmas[SharedParameter.DELAY]:
+    if delay_sigma_s <= DELAY_OBSERVABLE * _retained(before, SharedParameter.DELAY) * sigmas[SharedParameter.DELAY]:
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
+    mount_retained = _retained(before, SharedParameter.MOUNT_X)
     drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
     constant = drifts_little or (before is not None and before.constant and shown <= MOST_DRIFT * RETAINED)
     if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
@@ -167,9 +164,6 @@ def assessed(
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
         keep = _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
-    contradicted = _distance2(mean, cov, means, sigmas) > CONTRADICTION
-    held = [] if contradicted else [i for i in range(SHARED_COUNT) if i not in TIMING]
-    published = given(mean, joint.cov[0], held, means[held])[0]
     return Assessment(
         status=status,
         parameters=parameters,
@@ -179,8 +173,27 @@ def assessed(
         mount_known=mount_known,
         posterior=(mean, cov),
         known=known_parameters(mean, cov, joint.priors),
-        places=_places(joint, (mean, cov), published),
+        places=_places(joint, (mean, cov), _published(joint, (mean, cov), means, sigmas)),
     )
+
+
+def _retained(before: Assessment | None, parameter: int) -> float:
+    """Factor on the bound of a parameter, which is wider for one that is reported already."""
+    return RETAINED if before is not None and parameter in before.parameters else 1.0
+
+
+def _published(joint: JointFilter, posterior: tuple[Array, Array], means: Array, sigmas: Array) -> Array:
+    """The mean (n) of which places are published: while the configuration is not contradicted, with all parameters but
+    those of time as configured.
+
+    On circles over three targets with nothing wrong places are 0.021 m off so (median; worst 0.052), by the posterior's
+    mean 0.035 (0.118); where errors are drawn from their priors, both are the same to a millimetre.
+    """
+    mean, cov = posterior
+    if _distance2(mean, cov, means, sigmas) > CONTRADICTION:
+        return mean
+    held = [i for i in range(SHARED_COUNT) if i not in TIMING]
+    return given(mean, joint.cov[0], held, means[held])[0]
 
 
 def _places(joint: JointFilter, posterior: tuple[Array, Array], published: Array) -> dict[int, CalibratedPlace]:
