@@ -19,9 +19,11 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.delay_search import DelaySearch, NoDelay
 from fwav_companion.self_calibration.filter_pass import FilterPass
+from fwav_companion.self_calibration.frame_fixes import FrameFixes
 from fwav_companion.self_calibration.mean_axes import MeanAxes
 from fwav_companion.self_calibration.measurement_queue import MeasurementQueue
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
+from fwav_companion.self_calibration.position_path import SmoothedReport
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S
 from fwav_companion.self_calibration.relinearization import Relinearization
@@ -87,20 +89,33 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path or by the fix alone,
         whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander smoothly.
 
-        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix; where
-        the position wanders quickly, only where the fix alone is not known.
+        Where both contradict each other, along the path: a false detection claims as little as a right one. But after a
+        jump of the vehicle's position the fix before this one shows the same.
+        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
         """
-        assessment, served, vehicle = self.assessment, self.passes.served, fix.sighting.state
-        if assessment is None or served is None:
+        served = self.passes.served
+        if self.assessment is None or served is None:
             return None
-        smoothed, frame = self.motion.path.report(vehicle, self.context.priors), self.context.frame_of(fix)
-        if served.wanders_quickly:
-            return frame.alone(fix, assessment.known, smoothed, inf)
-        along = placed.along_path(vehicle, smoothed)
-        if along is not None and along.claimed_m2 >= claimed_m2:
-            along = None
-        least_m2 = claimed_m2 if along is None else along.claimed_m2
-        return frame.alone(fix, assessment.known, smoothed, least_m2) or along
+        along = placed.along_path(fix.sighting.state, self._smoothed(fix))
+        by_path_m2 = inf if along is None else along.claimed_m2
+        below_m2 = inf if served.wanders_quickly else min(claimed_m2, by_path_m2)
+        alone = self._alone(fix, self.context.frame_of(fix), below_m2)
+        if alone is not None and (along is None or alone.agrees_with(along) or self._is_repeated(fix, alone)):
+            return alone
+        return along if by_path_m2 < claimed_m2 else None
+
+    def _smoothed(self, fix: GroundFix) -> SmoothedReport | None:
+        return self.motion.path.report(fix.sighting.state, self.context.priors)
+
+    def _alone(self, fix: GroundFix, frame: FrameFixes, below_m2: float = inf) -> CalibratedFix | None:
+        assessment = self.assessment
+        return None if assessment is None else frame.alone(fix, assessment.known, self._smoothed(fix), below_m2)
+
+    def _is_repeated(self, fix: GroundFix, alone: CalibratedFix) -> bool:
+        """Whether the fix before this one of the same track shows the same place."""
+        before = self.queue.before(fix)
+        earlier = None if before is None else self._alone(before, FrameFixes([before], self.context.state_at))
+        return earlier is not None and earlier.agrees_with(alone)
 
     @property
     def mistake(self) -> str:

@@ -69,6 +69,12 @@ class MeasurementQueue(msgspec.Struct, frozen=True):
         """The queue with one more frame."""
         return MeasurementQueue((*self.waiting, frame), self.taken_ns)
 
+    def before(self, fix: GroundFix) -> GroundFix | None:
+        """The waiting fix before this one of the same track; None where none waits."""
+        track = next((track for frame in self.waiting[-1:] for track, each in frame.fixes if each is fix), None)
+        earlier = [each for frame in self.waiting[:-1] for own, each in frame.fixes if own == track]
+        return earlier[-1] if earlier else None
+
     def due(self, due_ns: HostNs, span_ns: int = BATCH_NS) -> tuple[list[Frames], MeasurementQueue]:
         """The frames of each batch that is due, and the queue of the others.
 

@@ -12,10 +12,11 @@ from simulated_world import World
 from fwav_companion.geometry.vectors import add
 from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.assessment import CalibratedPlace
-from fwav_companion.self_calibration.calibrated_fix import known_parameters
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, known_parameters
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.frame_fixes import FrameFixes
+from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
 from fwav_companion.types import BIAS_COUNT, Bias, Reason, Unpaired
 
 TARGET = (4.0, 3.0)
@@ -109,13 +110,16 @@ def a_place(place_m):
     return CalibratedPlace(0.0, 0.0, square, 4.0, 3.0, square)
 
 
-def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wanders_quickly=False):
+def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wanders_quickly=False, queue=None):
     """The fix by the state of self-calibration. ``report``: noise and variance of the vehicle's, by the path."""
-    passes = SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly))
-    motion = SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report))
-    assessment, context = SimpleNamespace(known=known), CalibrationContext(known.priors, state_at)
-    state = SimpleNamespace(assessment=assessment, passes=passes, motion=motion, context=context)
-    return CalibrationState.by_fix(state, fix, placed, claimed_m2)
+    state = CalibrationState(
+        CalibrationContext(known.priors, state_at),
+        queue=queue or MeasurementQueue(),
+        passes=SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly)),
+        motion=SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report)),
+        assessment=SimpleNamespace(known=known),
+    )
+    return state.by_fix(fix, placed, claimed_m2)
 
 
 @pytest.mark.parametrize(("place_m", "chosen"), [(1.0, True), (0.01, False)])
@@ -133,6 +137,39 @@ def test_the_fix_alone_is_taken_where_the_position_does_not_wander_smoothly():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
     found = by_fix(fix, known, a_place(0.01), 1e-6, report=ON_PATH, wanders_quickly=True)
     assert found == linearly(known, fix, ON_PATH)
+
+
+def queued(*fixes):
+    """These fixes of one track, each in a frame of its own."""
+    queue = MeasurementQueue()
+    for fix in fixes:
+        queue = queue.with_frame(DelayedMeasurement(fix.sighting.frame_host_ns, ((1, fix),)))
+    return queue
+
+
+def test_a_fix_that_contradicts_the_path_is_taken_only_where_the_one_before_shows_the_same():
+    """A false detection is alone; after a jump of the vehicle's position all fixes show it."""
+    before, fix = fixes_with({})[:2]
+    elsewhere = msgspec.structs.replace(before, position_ned=add(before.position_ned, (0.0, 1.0, 0.0)))
+    known, placed = known_parameters(*parameters({}), EXACT), a_place(0.05)
+    alone = linearly(known, fix, ON_PATH)
+    by = {"report": ON_PATH, "wanders_quickly": True}
+    assert by_fix(fix, known, placed, 9.0, queue=queued(fix), **by) == alone
+    jumped = msgspec.structs.replace(placed, apparent_east=2.0)
+    along = jumped.along_path(fix.sighting.state, ON_PATH)
+    assert by_fix(fix, known, jumped, 9.0, queue=queued(fix), **by) == along
+    assert by_fix(fix, known, jumped, 9.0, queue=queued(elsewhere, fix), **by) == along
+    assert by_fix(fix, known, jumped, 9.0, queue=queued(before, fix), **by) == alone
+
+
+def test_places_agree_by_the_covariance_of_both():
+    one, other = CalibratedFix(1.0, 2.0, (0.04, 0.01, 0.09)), (0.01, -0.02, 0.16)
+    both = np.array(((0.05, -0.01), (-0.01, 0.25)))
+    for angle in np.radians(range(0, 360, 30)):
+        edge = np.linalg.cholesky(both) @ (np.cos(angle), np.sin(angle)) * np.sqrt(13.8)
+        inside, outside = (CalibratedFix(1.0 + k * edge[0], 2.0 + k * edge[1], other) for k in (0.99, 1.01))
+        assert one.agrees_with(inside)
+        assert not one.agrees_with(outside)
 
 
 def test_the_fix_is_chosen_without_a_path():

@@ -73,3 +73,15 @@ def test_those_that_ended_are_forgotten():
     fixes, _, queue = queue.taken((frame(1, range(4)),), (2, 3))
     assert tracks_of(fixes) == [2, 3]
     assert set(queue.taken_ns) == {2, 3}
+
+
+def test_the_fix_before_is_that_of_the_same_track():
+    names = ["one", "two", "three", "four"]
+    queue = MeasurementQueue()
+    for k, tracks in enumerate(((1, 2), (2,), (1,))):
+        fixes = tuple((track, f"{names[k]} of {track}") for track in tracks)
+        queue = queue.with_frame(DelayedMeasurement(k * FRAME_NS, fixes))
+    (_, newest), *_ = queue.waiting[-1].fixes
+    assert queue.before(newest) == "one of 1"
+    assert queue.before("a fix of another frame") is None
+    assert queued(0).before(1) is None
