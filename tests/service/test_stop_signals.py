@@ -25,6 +25,8 @@ sys.exit(main())
 ANOTHER_COMMAND = """
 import os, signal, sys
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+
 class First:
     def find_spec(self, name, path=None, target=None):
         if name == "fwav_companion.cli.main":
