@@ -10,7 +10,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, KnownParameters
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
@@ -93,28 +93,28 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         jump of the vehicle's position the fix before this one shows the same.
         None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
         """
-        served = self.passes.served
-        if self.assessment is None or served is None:
+        assessment, served, smoothed = self.assessment, self.passes.served, self._smoothed(fix)
+        if assessment is None or served is None:
             return None
-        along = placed.along_path(fix.sighting.state, self._smoothed(fix))
+        along = placed.along_path(fix.sighting.state, smoothed)
         by_path_m2 = inf if along is None else along.claimed_m2
         below_m2 = inf if served.wanders_quickly else min(claimed_m2, by_path_m2)
-        alone = self._alone(fix, self.context.frame_of(fix), below_m2)
-        if alone is not None and (along is None or alone.agrees_with(along) or self._is_repeated(fix, alone)):
+        known = assessment.known
+        alone = self.context.frame_of(fix).alone(fix, known, smoothed, below_m2)
+        if alone is not None and (along is None or alone.agrees_with(along) or self._is_repeated(alone, fix, known)):
             return alone
         return along if by_path_m2 < claimed_m2 else None
 
     def _smoothed(self, fix: GroundFix) -> SmoothedReport | None:
         return self.motion.path.report(fix.sighting.state, self.context.priors)
 
-    def _alone(self, fix: GroundFix, frame: FrameFixes, below_m2: float = inf) -> CalibratedFix | None:
-        assessment = self.assessment
-        return None if assessment is None else frame.alone(fix, assessment.known, self._smoothed(fix), below_m2)
-
-    def _is_repeated(self, fix: GroundFix, alone: CalibratedFix) -> bool:
+    def _is_repeated(self, alone: CalibratedFix, fix: GroundFix, known: KnownParameters) -> bool:
         """Whether the fix before this one of the same track shows the same place."""
         before = self.queue.before(fix)
-        earlier = None if before is None else self._alone(before, FrameFixes([before], self.context.state_at))
+        if before is None:
+            return False
+        frame = FrameFixes([before], self.context.state_at)
+        earlier = frame.alone(before, known, self._smoothed(before), inf)
         return earlier is not None and earlier.agrees_with(alone)
 
     @property
