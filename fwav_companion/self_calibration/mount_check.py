@@ -252,8 +252,8 @@ def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight,
     the mount itself, roll and pitch, and the heading about down.
     """
     sigma, heading = priors.sigma, priors.sigma(Bias.HEADING) * np.array(sight.ned_from_body)[2]
-    mount = (hypot(sigma(Bias.MOUNT_X), sigma(Bias.ROLL)), hypot(sigma(Bias.MOUNT_Y), sigma(Bias.PITCH)))
-    cov = np.diag((*mount, sigma(Bias.MOUNT_Z))) ** 2 + heading[:, None] * heading
+    tilt = (hypot(sigma(Bias.MOUNT_X), sigma(Bias.ROLL)), hypot(sigma(Bias.MOUNT_Y), sigma(Bias.PITCH)))
+    cov = np.diag((*tilt, sigma(Bias.MOUNT_Z))) ** 2 + heading[:, None] * heading
     information = np.linalg.inv(cov + KNOWN**2 * EYE)
 
     def is_likely(mount: Array) -> bool:
