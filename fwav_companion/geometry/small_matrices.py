@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, hypot, sqrt
+from math import dist, hypot, inf, sqrt
 from typing import TypeAlias
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3, scale, subtract
@@ -29,6 +29,15 @@ def gram(n: Row, e: Row) -> Symmetric2:
     """The inner products nn, ne, ee of two rows."""
     nn, ee = hypot(*n) ** 2, hypot(*e) ** 2
     return (nn, 0.5 * (nn + ee - dist(n, e) ** 2), ee)
+
+
+def squared_distance(north: float, east: float, cov: Symmetric2) -> float:
+    """Squared Mahalanobis distance, 2 degrees of freedom; infinite where the covariance has no extent."""
+    nn, ne, ee = cov
+    determinant = nn * ee - ne * ne
+    if not determinant > 0.0:
+        return inf
+    return (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
 
 
 def plus_diagonal(rows: Sequence[Row], values: Sequence[float]) -> tuple[Row, ...]:

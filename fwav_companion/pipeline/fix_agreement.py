@@ -14,6 +14,7 @@ from math import cos, exp, hypot, inf, pi, sin
 from statistics import median
 from typing import TypeAlias
 
+from fwav_companion.geometry.small_matrices import squared_distance
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3, multiply, transform, transpose
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
@@ -109,10 +110,7 @@ class FixAgreement:
             ne += variance * north * east
             ee += variance * east * east
         north, east = (p - q for p, q in zip(a.position_ned[:2], b.position_ned[:2], strict=True))
-        determinant = nn * ee - ne * ne
-        if determinant <= 0.0:
-            return inf
-        return (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
+        return squared_distance(north, east, (nn, ne, ee))
 
 
 def _quarter_turn(fixes: Sequence[GroundFix], points: Sequence[Horizontal]) -> float | None:

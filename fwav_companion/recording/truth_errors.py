@@ -8,7 +8,8 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import semi_axes
-from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.geometry.small_matrices import squared_distance
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.recording.error_statistics import CHI2_95, CHI2_999, ErrorSample, error_statistics
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import Truth, TruthPoint
@@ -164,16 +165,8 @@ class ErrorTally:
 def error_sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
     """Error of an estimate with a covariance, a target line or its fix."""
     north, east = estimate["north"] - true_ned[0], estimate["east"] - true_ned[1]
-    return ErrorSample(hypot(north, east), _normalised2(north, east, estimate["cov"]))
-
-
-def _normalised2(north: float, east: float, cov: Matrix3) -> float:
-    """Normalised square of a horizontal error, 2 degrees of freedom; infinite for a claim without extent."""
-    (nn, ne, _), (_, ee, _), _ = cov
-    determinant = nn * ee - ne * ne
-    if not determinant > 0.0:
-        return float("inf")
-    return (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
+    (nn, ne, _), (_, ee, _), _ = estimate["cov"]
+    return ErrorSample(hypot(north, east), squared_distance(north, east, (nn, ne, ee)))
 
 
 def _of_label(label: str, targets: Sequence[Line]) -> Line:

@@ -13,7 +13,7 @@ from operator import itemgetter
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.small_matrices import Symmetric2
+from fwav_companion.geometry.small_matrices import Symmetric2, squared_distance
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import SharedParameter as Shared
 from fwav_companion.self_calibration.pixel_measurement import RANGED
@@ -52,9 +52,9 @@ class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
 
     def agrees_with(self, other: CalibratedFix) -> bool:
         """Whether both may be the same place. What they have in common makes their distance smaller than both claim."""
-        north, east = self.north - other.north, self.east - other.east
-        nn, ne, ee = map(sum, zip(self.cov, other.cov, strict=True))
-        return bool(ee * north * north - 2.0 * ne * north * east + nn * east * east < AGREEING * (nn * ee - ne * ne))
+        (nn, ne, ee), (o_nn, o_ne, o_ee) = self.cov, other.cov
+        cov = (nn + o_nn, ne + o_ne, ee + o_ee)
+        return squared_distance(self.north - other.north, self.east - other.east, cov) < AGREEING
 
 
 class KnownParameters(msgspec.Struct, frozen=True, gc=False):
