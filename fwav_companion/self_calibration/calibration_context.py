@@ -8,6 +8,7 @@ from math import ceil, hypot
 import numpy as np
 
 from fwav_companion.geometry.stamps import s_from_ns
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
@@ -115,11 +116,8 @@ class CalibrationContext:
 
 
 def _shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[Array, Array]:
-    """Means and one sigma of the shared parameters. The autopilot's constant roll and pitch errors are part of the
-    mount's correction.
-    """
-    b = priors.bias_sigmas
-    mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
+    """Means and one sigma of the shared parameters."""
+    b, mount = priors.bias_sigmas, mount_sigmas(priors)
     rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT])
     place = (b[Bias.POSITION_DELAY], b[Bias.LEVER_X], b[Bias.LEVER_Y], b[Bias.LEVER_Z])
     means = np.zeros(SHARED_COUNT)
@@ -127,3 +125,9 @@ def _shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[A
         return means, np.array((b[Bias.TIME_OFFSET], *mount, *rest, *place))
     means[: SharedParameter.HEADING] = (kept.time_offset_s, *kept.mount)
     return means, np.array((kept.time_offset_sigma_s, *kept.mount_sigma, *rest, *place))
+
+
+def mount_sigmas(priors: ErrorPriors) -> Vector3:
+    """One sigma of the mount's correction, rad: the autopilot's constant roll and pitch errors are part of it."""
+    b = priors.bias_sigmas
+    return (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])

@@ -9,7 +9,7 @@ mounts: a mount that gathers them is reported, and with it the error of everythi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import acos, degrees, hypot, inf, radians
+from math import acos, degrees, inf, radians
 from typing import TypeAlias
 
 import msgspec
@@ -19,6 +19,7 @@ from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.self_calibration.arrays import EYE, Array, rotation, times
+from fwav_companion.self_calibration.calibration_context import mount_sigmas
 from fwav_companion.self_calibration.sights import (
     CommonPoint,
     Sights,
@@ -73,8 +74,9 @@ SMALL = radians(8.0)
 Self-calibration finds that mount, and the targets have wide covariances until it did."""
 LIKELY = 14.2
 """Squared Mahalanobis distance from the configured mount, up to which the priors of mount, attitude and heading hold a
-mount, and so do all claims: right priors exceed it once in 400 flights (3 degrees of freedom). Of fifty flights drawn
-from the priors one, with a heading off by 5.4 degrees for a sigma of 2, had no fix for its last 20 s."""
+mount, and so do all claims: right priors exceed it once in 400 flights (3 degrees of freedom). Of fifty eights and
+racetracks drawn from the priors one, with a heading off by 5.4 degrees for a sigma of 2, had no fix in its last 20 s.
+"""
 KNOWN = 1e-6
 """One sigma of an angle that is configured as exactly known, rad."""
 NAMED = radians(12.0)
@@ -251,9 +253,8 @@ def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight,
     """Whether a likely mount explains the sights as well as any near it, by the priors of all that turns them alike:
     the mount itself, roll and pitch, and the heading about down.
     """
-    sigma, heading = priors.sigma, priors.sigma(Bias.HEADING) * np.array(sight.ned_from_body)[2]
-    tilt = (hypot(sigma(Bias.MOUNT_X), sigma(Bias.ROLL)), hypot(sigma(Bias.MOUNT_Y), sigma(Bias.PITCH)))
-    cov = np.diag((*tilt, sigma(Bias.MOUNT_Z))) ** 2 + heading[:, None] * heading
+    heading = priors.sigma(Bias.HEADING) * np.array(sight.ned_from_body)[2]
+    cov = np.diag(mount_sigmas(priors)) ** 2 + heading[:, None] * heading
     information = np.linalg.inv(cov + KNOWN**2 * EYE)
 
     def is_likely(mount: Array) -> bool:
