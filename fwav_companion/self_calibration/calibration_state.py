@@ -10,7 +10,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, KnownParameters
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
@@ -85,36 +85,37 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
-    def by_fix(self, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
-        """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path or by the fix alone,
-        whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander smoothly.
+    def by_fix(self, track: int, fix: GroundFix, claimed_m2: float) -> CalibratedFix | None:
+        """A target relative to the vehicle at its fix: by the joint estimate along the smoothed path or by the fix
+        alone, whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander
+        smoothly.
 
         Where both contradict each other, along the path: a false detection claims as little as a right one. But after a
         jump of the vehicle's position the fix before this one shows the same.
         None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
         """
-        assessment, served, smoothed = self.assessment, self.passes.served, self._smoothed(fix)
-        if assessment is None or served is None:
+        assessment, served, placed = self.assessment, self.passes.served, self.placed(track)
+        if assessment is None or served is None or placed is None:
             return None
+        smoothed = self._smoothed(fix)
         along = placed.along_path(fix.sighting.state, smoothed)
         by_path_m2 = inf if along is None else along.claimed_m2
         below_m2 = inf if served.wanders_quickly else min(claimed_m2, by_path_m2)
-        known = assessment.known
-        alone = self.context.frame_of(fix).alone(fix, known, smoothed, below_m2)
-        if alone is not None and (along is None or alone.agrees_with(along) or self._is_repeated(alone, fix, known)):
-            return alone
-        return along if by_path_m2 < claimed_m2 else None
+        alone = self.context.frame_of(fix).alone(fix, assessment.known, smoothed, below_m2)
+        if alone is None or not (along is None or alone.agrees_with(along) or self._is_repeated(track, fix, alone)):
+            return along if by_path_m2 < claimed_m2 else None
+        return alone
 
     def _smoothed(self, fix: GroundFix) -> SmoothedReport | None:
         return self.motion.path.report(fix.sighting.state, self.context.priors)
 
-    def _is_repeated(self, alone: CalibratedFix, fix: GroundFix, known: KnownParameters) -> bool:
+    def _is_repeated(self, track: int, fix: GroundFix, alone: CalibratedFix) -> bool:
         """Whether the fix before this one of the same track shows the same place."""
-        before = self.queue.before(fix)
-        if before is None:
+        before = self.queue.before(track, fix.sighting.frame_host_ns)
+        if before is None or self.assessment is None:
             return False
         frame = FrameFixes([before], self.context.state_at)
-        earlier = frame.alone(before, known, self._smoothed(before), inf)
+        earlier = frame.alone(before, self.assessment.known, self._smoothed(before), inf)
         return earlier is not None and earlier.agrees_with(alone)
 
     @property

@@ -69,11 +69,11 @@ class MeasurementQueue(msgspec.Struct, frozen=True):
         """The queue with one more frame."""
         return MeasurementQueue((*self.waiting, frame), self.taken_ns)
 
-    def before(self, fix: GroundFix) -> GroundFix | None:
-        """The waiting fix before this one of the same track; None where none waits."""
-        track = next((track for frame in self.waiting[-1:] for track, each in frame.fixes if each is fix), None)
-        earlier = [each for frame in self.waiting[:-1] for own, each in frame.fixes if own == track]
-        return earlier[-1] if earlier else None
+    def before(self, track: int, host_ns: HostNs) -> GroundFix | None:
+        """The newest waiting fix of a track in a frame before this capture; None where none waits."""
+        frames = [frame for frame in self.waiting if frame.host_ns < host_ns]
+        own = [fix for frame in frames for of, fix in frame.fixes if of == track]
+        return own[-1] if own else None
 
     def due(self, due_ns: HostNs, span_ns: int = BATCH_NS) -> tuple[list[Frames], MeasurementQueue]:
         """The frames of each batch that is due, and the queue of the others.

@@ -120,7 +120,7 @@ class TargetChoice(msgspec.Struct, frozen=True):
         if track.fix is None:
             return target
         nn, _, ee = place_cov(calibrator, placed, track.target)
-        return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.fix, placed, nn + ee))
+        return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.id, track.fix, nn + ee))
 
     def target(self, track: LiveTrack) -> TargetEstimate:
         """The target by the joint estimate where that answers (``CalibrationState.answers``), else by its own filter.

@@ -117,9 +117,9 @@ def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wander
         queue=queue or MeasurementQueue(),
         passes=SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly)),
         motion=SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report)),
-        assessment=SimpleNamespace(known=known),
+        assessment=SimpleNamespace(known=known, places={1: placed}),
     )
-    return state.by_fix(fix, placed, claimed_m2)
+    return state.by_fix(1, fix, claimed_m2)
 
 
 @pytest.mark.parametrize(("place_m", "chosen"), [(1.0, True), (0.01, False)])
@@ -157,9 +157,11 @@ def test_a_fix_that_contradicts_the_path_is_taken_only_where_the_one_before_show
     assert by_fix(fix, known, placed, 9.0, queue=queued(fix), **by) == alone
     jumped = msgspec.structs.replace(placed, apparent_east=2.0)
     along = jumped.along_path(fix.sighting.state, ON_PATH)
+    assert by_fix(fix, known, jumped, 9.0, **by) == along
     assert by_fix(fix, known, jumped, 9.0, queue=queued(fix), **by) == along
     assert by_fix(fix, known, jumped, 9.0, queue=queued(elsewhere, fix), **by) == along
     assert by_fix(fix, known, jumped, 9.0, queue=queued(before, fix), **by) == alone
+    assert by_fix(fix, known, jumped, 9.0, queue=queued(before), **by) == alone
 
 
 def test_places_agree_by_the_covariance_of_both():
@@ -209,6 +211,8 @@ def test_the_fix_alone_is_not_taken_where_the_vehicle_at_its_capture_is_not_know
     assert by_fix(fix, known, a_place(1.0), 9.0, report=ON_PATH, **unknown).cov[0] == pytest.approx(1.0, rel=0.01)
     assert by_fix(fix, known, a_place(1.0), 9.0, report=ON_PATH).cov[0] < 0.5
     assert by_fix(fix, known, a_place(1.0), 9.0, **unknown) is None
+    quick = by_fix(fix, known, a_place(1.0), 9.0, report=ON_PATH, wanders_quickly=True, **unknown)
+    assert quick == a_place(1.0).along_path(fix.sighting.state, ON_PATH)
 
 
 def test_a_sight_relative_to_the_vehicle_has_the_noise_of_its_own_report_alone():

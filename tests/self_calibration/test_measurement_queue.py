@@ -76,12 +76,12 @@ def test_those_that_ended_are_forgotten():
 
 
 def test_the_fix_before_is_that_of_the_same_track():
-    names = ["one", "two", "three", "four"]
     queue = MeasurementQueue()
     for k, tracks in enumerate(((1, 2), (2,), (1,))):
-        fixes = tuple((track, f"{names[k]} of {track}") for track in tracks)
+        fixes = tuple((track, f"{k} of {track}") for track in tracks)
         queue = queue.with_frame(DelayedMeasurement(k * FRAME_NS, fixes))
-    (_, newest), *_ = queue.waiting[-1].fixes
-    assert queue.before(newest) == "one of 1"
-    assert queue.before("a fix of another frame") is None
-    assert queued(0).before(1) is None
+    assert queue.before(1, 3 * FRAME_NS) == "2 of 1"
+    assert queue.before(1, 2 * FRAME_NS) == "0 of 1"
+    assert queue.before(2, 2 * FRAME_NS) == "1 of 2"
+    assert queue.before(1, 0) is None
+    assert queue.before(3, 3 * FRAME_NS) is None
