@@ -24,7 +24,11 @@ from fwav_companion.types.tracks import GateResult
 class GroundGate:
     """The fixes of one frame on the ground, by the mean of a joint estimate with one hypothesis."""
 
-    def __init__(self, joint: JointFilter, fixes: Sequence[GroundFix], state_at: StateAt) -> None:
+    def __init__(self, before: JointFilter, fixes: Sequence[GroundFix], state_at: StateAt) -> None:
+        """``before``: the estimate at an earlier instant. The vehicle's position error has wandered on since: out of
+        view for 9 s, of ten targets 5 m apart three were refused by their own tracks, and began new ones.
+        """
+        joint = before.predict(fixes[0].sighting.frame_host_ns)
         points = GroundPoints(joint.mean[0, :SHARED_COUNT].tolist(), fixes[0].sighting, state_at, GATE_KNOT_NS)
         off = np.array([points.of(fix) for fix in fixes]) - joint.apparent[0].reshape(-1, 1, 2)
         noise = np.array([fix.noise_cov for fix in fixes])[:, :2, :2]

@@ -13,6 +13,8 @@ THREE = tuple(
     for k in range(3)
 )
 """A triangle with sides of 3 m."""
+TEN = tuple(TargetOptions(label="target", north=3.0 * (k % 4) - 4.5, east=3.0 * (k // 4) - 3.0) for k in range(10))
+"""A grid of 3 m."""
 TWO = (TargetOptions(label="target", east=-0.75), TargetOptions(label="target", east=0.75))
 SETTINGS = (
     "uncertainty.time_offset_sigma_s=0.05",
@@ -44,3 +46,19 @@ def test_near_targets_under_a_late_camera_are_distinguished(seed, targets):
         assert flight.error_m(line, index) < min(0.15, 3.0 * sigma_m)
         found.add(index)
     assert len(found) == len(newest) >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_targets_that_come_into_view_again_keep_their_tracks(seed):
+    """Out of view for 9 s on each loop of the eight, while the vehicle's position wanders by decimetres: once a flight
+    is calibrated, ten targets have ten tracks. The camera is late by two sigma.
+    """
+    flight = fly(
+        scenario("figure_eight").but({"seed": seed, "targets": TEN, "biases.time_offset_s": 0.02}),
+        ("tracking.self_calibration=true",),
+    )
+    last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
+    assert last["status"] == "calibrated", last["reason"]
+    lines = [line for line in flight.companion.targets("target") if line["state"] == "confirmed"]
+    assert len({line["track"] for line in lines if line["time_unix"] > lines[-1]["time_unix"] - 8.0}) == 10

@@ -148,6 +148,34 @@ def test_gates_of_a_vehicle_at_rest_are_those_of_dense_matrices_on_the_ground():
             assert found.log_det_ratio == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.parametrize("gap_s", [0.3, 9.0, 40.0])
+def test_a_gate_after_a_gap_allows_for_the_wander_in_it(gap_s):
+    """Critically damped, with the angular frequency 2 / 60 s: (1 + w t) exp(-w t) of the error is left, and t exp(-w t)
+    of its rate (Gelb 1974, ch. 2). Its own variance is stationary.
+    """
+    world, rng = a_hover(), np.random.default_rng(1)
+    fix = some_fixes(world)[3]
+    joint = joint_with(np.array([[4.0, 3.0], [4.2, 3.1], [3.9, 2.8]]), rng)
+    # Known exactly at the last sight: the error and its rate.
+    moving, cov, mean = slice(SHARED_COUNT, FIRST), joint.cov.copy(), joint.mean.copy()
+    cov[:, moving], cov[:, :, moving] = 0.0, 0.0
+    mean[:, moving] = (0.3, -0.2, 0.01, 0.02)
+    joint = msgspec.structs.replace(joint, mean=mean, cov=cov)
+    w, left, by_rate = 2.0 / 60.0, (1.0 + gap_s / 30.0) * np.exp(-gap_s / 30.0), gap_s * np.exp(-gap_s / 30.0)
+    grown = 0.25 * (1.0 - left**2 - (w * by_rate) ** 2)
+    afterwards = mean.copy()
+    afterwards[:, SHARED_COUNT : SHARED_COUNT + 2] = left * mean[:, moving][:, :2] + by_rate * mean[:, moving][:, 2:]
+    wider = cov.copy()
+    wider[:, [SHARED_COUNT, SHARED_COUNT + 1], [SHARED_COUNT, SHARED_COUNT + 1]] = grown
+    expected = GroundGate(msgspec.structs.replace(joint, mean=afterwards, cov=wider), [fix], world.state_at)
+    seen_ns = fix.sighting.frame_host_ns - round(gap_s * 1e9)
+    gate = GroundGate(msgspec.structs.replace(joint, host_ns=seen_ns), [fix], world.state_at)
+    for place in range(3):
+        one, other = gate.gate(place, 0), expected.gate(place, 0)
+        assert one.nis == pytest.approx(other.nis, rel=2e-3)
+        assert one.log_det_ratio == pytest.approx(other.log_det_ratio, abs=2e-3)
+
+
 def test_what_lies_above_the_horizon_is_outside_every_gate():
     world, rng = a_hover(), np.random.default_rng(0)
     fix = some_fixes(world)[0]
