@@ -148,7 +148,7 @@ def test_gates_of_a_vehicle_at_rest_are_those_of_dense_matrices_on_the_ground():
             assert found.log_det_ratio == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.parametrize("gap_s", [0.3, 9.0, 40.0])
+@pytest.mark.parametrize("gap_s", [0.6, 9.0, 40.0])
 def test_a_gate_after_a_gap_allows_for_the_wander_in_it(gap_s):
     """Critically damped, with the angular frequency 2 / 60 s: (1 + w t) exp(-w t) of the error is left, and t exp(-w t)
     of its rate (Gelb 1974, ch. 2). Its own variance is stationary.
