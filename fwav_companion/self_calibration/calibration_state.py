@@ -56,10 +56,12 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
     """Rate of the newest attitudes where they distinguish no delay from another; None where they do."""
     idle_until_ns: HostNs = HostNs(0)
     """End of the pause after a search without result."""
-    assessment: Assessment | None = None
-    """Assessment of the served estimate."""
     judged: FilterPass | None = None
-    """The estimate that it is of."""
+    """The served estimate that was assessed last."""
+    present: FilterPass | None = None
+    """The same, predicted to the newest frame after a gap."""
+    assessment: Assessment | None = None
+    """Assessment of that."""
     mount_check: MountCheck = MountCheck()
     host_ns: HostNs = HostNs(0)
 
@@ -94,13 +96,13 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         jump of the vehicle's position the fix before this one shows the same.
         None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
         """
-        assessment, served, placed = self.assessment, self.passes.served, self.placed(track)
-        if assessment is None or served is None or placed is None:
+        assessment, present, placed = self.assessment, self.present, self.placed(track)
+        if assessment is None or present is None or placed is None:
             return None
         smoothed = self._smoothed(fix)
         along = placed.along_path(fix.sighting.state, smoothed)
         by_path_m2 = inf if along is None else along.claimed_m2
-        below_m2 = inf if served.wanders_quickly else min(claimed_m2, by_path_m2)
+        below_m2 = inf if present.wanders_quickly else min(claimed_m2, by_path_m2)
         alone = self.context.frame_of(fix).alone(fix, assessment.known, smoothed, below_m2)
         if alone is None or not (along is None or alone.agrees_with(along) or self._is_repeated(track, fix, alone)):
             return along if by_path_m2 < claimed_m2 else None
@@ -166,10 +168,10 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     def gate(self, track: int, fix: GroundFix) -> GateResult | None:
         """Gating statistics of a fix against a target of the joint estimate; None where it holds no such target."""
-        served = self.passes.served
-        if served is None or track not in served.joint.tracks:
+        present = self.present
+        if present is None or track not in present.joint.tracks:
             return None
-        return self.context.frame_of(fix).gate(fix, served.joint.tracks.index(track), served)
+        return self.context.frame_of(fix).gate(fix, present.joint.tracks.index(track), present)
 
     def _lag_s(self) -> float:
         earliest = self.context.delays[0] if self.delay_s is None else self.delay_s

@@ -102,6 +102,11 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         waiting = {each: batches for each, batches in self.waiting.items() if each != track}
         return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
 
+    def predicted(self, host_ns: int) -> FilterPass:
+        """The pass at a later instant without measurements."""
+        joint = self.joint.predict(host_ns)
+        return self if joint is self.joint else msgspec.structs.replace(self, joint=joint)
+
     def fed(self, batch: MeasurementBatch) -> FilterPass:
         """The pass after one more batch."""
         after = msgspec.structs.replace(

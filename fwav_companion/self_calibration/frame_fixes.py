@@ -29,12 +29,12 @@ class FrameFixes:
     def __contains__(self, fix: GroundFix) -> bool:
         return id(fix) in self._index
 
-    def gate(self, fix: GroundFix, place: int, served: FilterPass) -> GateResult | None:
+    def gate(self, fix: GroundFix, place: int, present: FilterPass) -> GateResult | None:
         """Gating statistics of a fix against the target at this place of the joint estimate; None: not known."""
         if self._state_at is None:
             return None
-        if self._gate is None or self._gate[0] is not served:
-            self._gate = (served, GroundGate(served.best, self._fixes, self._state_at))
+        if self._gate is None or self._gate[0] is not present:
+            self._gate = (present, GroundGate(present.best, self._fixes, self._state_at))
         return self._gate[1].gate(place, self._index[id(fix)])
 
     def alone(

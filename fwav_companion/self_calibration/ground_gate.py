@@ -11,7 +11,6 @@ from math import inf, isnan
 
 import numpy as np
 
-from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibrated_fix import BIASES_OF, SIGNS
 from fwav_companion.self_calibration.delayed_poses import StateAt
@@ -21,21 +20,11 @@ from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
-GAP_NS = 500 * NS_PER_MS
-"""Time since the last sights from which the estimate is predicted to the frame. Sights are taken 0.2 to 0.45 s later:
-within that a first-order position error of 1 m and 60 s moves by 0.12 m along an axis, a third of the noise of a fix,
-and to predict it for every frame cost a tenth of the CPU of ten targets (three pairs: 1.00, 1.11, 1.18)."""
-
 
 class GroundGate:
     """The fixes of one frame on the ground, by the mean of a joint estimate with one hypothesis."""
 
-    def __init__(self, before: JointFilter, fixes: Sequence[GroundFix], state_at: StateAt) -> None:
-        """``before``: the estimate at an earlier instant. The vehicle's position error has wandered on since: out of
-        view for 9 s, of ten targets 5 m apart three were refused by their own tracks, and began new ones.
-        """
-        host_ns = fixes[0].sighting.frame_host_ns
-        joint = before.predict(host_ns) if host_ns - before.host_ns > GAP_NS else before
+    def __init__(self, joint: JointFilter, fixes: Sequence[GroundFix], state_at: StateAt) -> None:
         points = GroundPoints(joint.mean[0, :SHARED_COUNT].tolist(), fixes[0].sighting, state_at, GATE_KNOT_NS)
         off = np.array([points.of(fix) for fix in fixes]) - joint.apparent[0].reshape(-1, 1, 2)
         noise = np.array([fix.noise_cov for fix in fixes])[:, :2, :2]

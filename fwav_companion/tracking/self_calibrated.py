@@ -51,12 +51,10 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def apparent_ned(self) -> Vector3:
-        """The target relative to the vehicle's report: by the smaller claim, as both hold every error."""
+        """The target relative to the vehicle's report."""
         placed, by_fix = self.placed, self.by_fix
         if by_fix is not None:
             return (by_fix.north, by_fix.east, self.position_ned[2])
-        if self._follows:
-            return self.own.apparent_ned
         return (placed.apparent_north, placed.apparent_east, self.position_ned[2])
 
     @property
@@ -64,20 +62,11 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
         """Covariance of the target relative to the vehicle, NED, m^2."""
         if self.by_fix is not None:
             return _level(self.by_fix.cov, self._down_variance)
-        return self.own.relative_cov if self._follows else self._place_cov
+        return _level(place_cov(self.calibrator, self.placed, self.own), self._down_variance)
 
     @cached_property
     def _down_variance(self) -> float:
         return self.own.cov[2][2]
-
-    @cached_property
-    def _place_cov(self) -> Matrix3:
-        """Covariance of the apparent place of the joint estimate, with noise and delay of the vehicle's report."""
-        return _level(place_cov(self.calibrator, self.placed, self.own), self._down_variance)
-
-    @cached_property
-    def _follows(self) -> bool:
-        return horizontal_sigma(self.own.relative_cov) < horizontal_sigma(self._place_cov)
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix, with what calibration knows by now."""

@@ -147,6 +147,9 @@ class Tracker:
         """All tracks after this frame, by id; a track that the frame deleted is among them once."""
         if self._calibrating is not None:
             self._calibrating.on_frame(view)
+        if self._state.calibrator is not None:
+            calibrator = self._state.calibrator.predicted(view.host_ns)
+            self._state = msgspec.structs.replace(self._state, calibrator=calibrator)
         state, choice = self._state, self._choice
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)

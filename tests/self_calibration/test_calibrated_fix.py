@@ -115,7 +115,7 @@ def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wander
     state = CalibrationState(
         CalibrationContext(known.priors, state_at),
         queue=queue or MeasurementQueue(),
-        passes=SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly)),
+        present=SimpleNamespace(wanders_quickly=wanders_quickly),
         motion=SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report)),
         assessment=SimpleNamespace(known=known, places={1: placed}),
     )

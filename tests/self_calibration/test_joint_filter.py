@@ -8,7 +8,10 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import joint_filter as joint_filter_module
+from fwav_companion.self_calibration.calibration_context import CalibrationContext
+from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.filter_pass import filter_pass
 from fwav_companion.self_calibration.ground_gate import GroundGate
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.measurement_queue import MOST_SIGHTS
@@ -22,6 +25,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     predict,
 )
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.self_calibration.relinearization import Relinearization
 from fwav_companion.types import Bias, Reason, Unpaired
 
 SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.02, 0.01, -0.02, 0.03]])
@@ -148,8 +152,14 @@ def test_gates_of_a_vehicle_at_rest_are_those_of_dense_matrices_on_the_ground():
             assert found.log_det_ratio == pytest.approx(expected, abs=1e-3)
 
 
+def estimating(joint, world):
+    """Self-calibration with this joint estimate, which is assessed."""
+    passes = Relinearization(served=filter_pass(joint, {}))
+    return Calibrator(CalibrationContext(PRIORS, world.state_at), passes=passes)._assessed()
+
+
 @pytest.mark.parametrize("gap_s", [0.6, 9.0, 40.0])
-def test_a_gate_after_a_gap_allows_for_the_wander_in_it(gap_s):
+def test_after_a_gap_gates_and_places_allow_for_the_wander_in_it(gap_s):
     """Critically damped, with the angular frequency 2 / 60 s: (1 + w t) exp(-w t) of the error is left, and t exp(-w t)
     of its rate (Gelb 1974, ch. 2). Its own variance is stationary.
     """
@@ -167,13 +177,22 @@ def test_a_gate_after_a_gap_allows_for_the_wander_in_it(gap_s):
     afterwards[:, SHARED_COUNT : SHARED_COUNT + 2] = left * mean[:, moving][:, :2] + by_rate * mean[:, moving][:, 2:]
     wider = cov.copy()
     wider[:, [SHARED_COUNT, SHARED_COUNT + 1], [SHARED_COUNT, SHARED_COUNT + 1]] = grown
-    expected = GroundGate(msgspec.structs.replace(joint, mean=afterwards, cov=wider), [fix], world.state_at)
-    seen_ns = fix.sighting.frame_host_ns - round(gap_s * 1e9)
-    gate = GroundGate(msgspec.structs.replace(joint, host_ns=seen_ns), [fix], world.state_at)
-    for place in range(3):
-        one, other = gate.gate(place, 0), expected.gate(place, 0)
+    expected = estimating(msgspec.structs.replace(joint, mean=afterwards, cov=wider), world)
+    frame_ns = fix.sighting.frame_host_ns
+    before = estimating(msgspec.structs.replace(joint, host_ns=frame_ns - round(gap_s * 1e9)), world)
+    predicted = before.predicted(frame_ns)
+    for track in TRACKS:
+        one, other = predicted.gate(track, fix), expected.gate(track, fix)
         assert one.nis == pytest.approx(other.nis, rel=2e-3)
         assert one.log_det_ratio == pytest.approx(other.log_det_ratio, abs=2e-3)
+        one, other, seen = (each.placed(track) for each in (predicted, expected, before))
+        assert (one.apparent_north, one.apparent_east) == pytest.approx(
+            (other.apparent_north, other.apparent_east), abs=2e-3
+        )
+        assert one.relative_cov == pytest.approx(other.relative_cov, rel=2e-3)
+        assert one.relative_cov[0] == pytest.approx(seen.relative_cov[0] + grown, rel=2e-3)
+        assert (one.north, one.east) == pytest.approx((seen.north, seen.east))
+        assert one.cov == pytest.approx(seen.cov)
 
 
 def test_what_lies_above_the_horizon_is_outside_every_gate():

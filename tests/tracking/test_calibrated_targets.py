@@ -55,15 +55,14 @@ def test_the_place_is_the_joint_estimates_and_the_height_its_own():
     assert state.velocity_cov is None
 
 
-def test_relative_to_the_vehicle_the_smaller_claim_is_the_answer():
-    """The joint estimate's claim then has the noise of the vehicle's report, too."""
+def test_relative_to_the_vehicle_the_joint_estimate_answers_with_the_noise_of_the_vehicles_report():
+    """Whatever the target's own filter claims: it rests on priors, and does not know how the position wanders."""
     noise = 0.2**2
     joint = np.array([[0.12 + noise, 0.015, 0.0], [0.015, 0.13 + noise, 0.0], [0.0, 0.0, 0.07]])
-    own_is_larger = np.diag([0.3, 0.3, 0.01])
-    assert calibrated().apparent_ned == (1.5, 2.5, 3.5)
-    assert np.array(calibrated().relative_cov) == pytest.approx(RELATIVE)
-    assert calibrated(own_is_larger).apparent_ned == (11.0, 22.0, 3.0)
-    assert np.array(calibrated(own_is_larger).relative_cov) == pytest.approx(joint)
+    for own in (0.09, 0.3):
+        state = calibrated(np.diag([own, own, 0.01]))
+        assert state.apparent_ned == (11.0, 22.0, 3.0)
+        assert np.array(state.relative_cov) == pytest.approx(joint)
 
 
 def test_its_gate_is_the_joint_estimates_where_that_has_one():

@@ -8,6 +8,7 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import CalibrationStatus
+from fwav_companion.self_calibration.filter_pass import FIRST_MEASUREMENTS
 from fwav_companion.tracking import TrackingOptions, make_tracker, tracker_with
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.types import BIAS_COUNT, Bias, TrackState
@@ -77,7 +78,7 @@ def test_a_frame_whose_edge_a_crooked_mount_may_move_did_not_look(crooked, state
     tracker = make_tracker(TrackingOptions(self_calibration=True), p)
     reported = ()
     for k in range(60):
-        fixes = [a_fix(k / 10, (4.0, 3.0, 0.0))] if k < 10 else []
+        fixes = [a_fix(k / 10, (4.0, 3.0, 0.0))] if k < FIRST_MEASUREMENTS else []  # too few for the joint estimate
         view = msgspec.structs.replace(a_view(k / 10, *fixes), could_see=lambda place: place[0] < 4.3)
         reported = tracker.on_frame(view) or reported
     assert reported[0].state is state
