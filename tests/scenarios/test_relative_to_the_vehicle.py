@@ -89,3 +89,54 @@ def test_circles_over_one_target_claim_what_is_true_without_self_calibration():
                flights("copter_circles", ("tracking.self_calibration=false",), 50.0, 8) if errors]  # fmt: skip
     assert len(squares) == 8
     assert 0.4 < mean(squares) < 3.0
+
+
+EIGHTS = ("uncertainty.pixel_noise_px=4.0", 'camera.readout_s="unknown"')
+"""What the mock draws for them."""
+GAP_S, SOON_S = 1.0, 0.3
+"""A target is out of view after this, and has just come into view again within that."""
+
+
+def squares_about_gaps(settings: tuple[str, ...], wander: str, seed: int) -> tuple[list[float], list[float]]:
+    """Normalised squares of the target relative to the vehicle while it is out of view, and just after."""
+    options = scenario("figure_eight").but({"seed": seed, "autopilot.position_wander": wander})
+    flight, seen_s, gap_s = fly(options, EIGHTS + settings), dict[int, float](), dict[int, float]()
+    unseen, again = list[float](), list[float]()
+    for line in flight.companion.lines:
+        if line["type"] != "target" or line["state"] not in ("confirmed", "coasting"):
+            continue
+        at_s = flight.mock.flight_s(round(line["time_unix"] * 1e9) - flight.companion.unix_offset_ns)
+        since_s = at_s - seen_s.setdefault(line["track"], at_s)
+        if line["fix"] is not None:
+            seen_s[line["track"]] = at_s
+            if since_s > GAP_S:
+                gap_s[line["track"]] = at_s
+        if at_s < 20.0:
+            continue
+        relative, vehicle = line["relative"], np.array(flight.mock.flight.at(at_s).position)
+        true = np.array(flight.mock.scene[0].at(at_s))[:2] - vehicle[:2]
+        error, cov = np.array((relative["north"], relative["east"])) - true, np.array(relative["cov"])[:2, :2]
+        square = float(error @ np.linalg.solve(cov, error))
+        if line["fix"] is None and since_s > GAP_S:
+            unseen.append(square)
+        elif line["fix"] is not None and at_s - gap_s.get(line["track"], -GAP_S) < SOON_S:
+            again.append(square)
+    return unseen, again
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(("calibrates", "number"), [(False, 20), (True, 8)])
+@pytest.mark.parametrize("wander", ["smooth", "gauss_markov"])
+def test_a_target_out_of_view_and_one_that_comes_again_claim_what_is_true(calibrates, number, wander):
+    """Figure-eights, by either kind of wander: the mean square is 2 when honest."""
+    settings = (f"tracking.self_calibration={str(calibrates).lower()}",)
+    flights = [
+        kept(f"gaps/{settings}/{wander}/{seed}", partial(squares_about_gaps, settings, wander, seed))
+        for seed in range(1, number + 1)
+    ]
+    unseen, again = ([square for flight in flights for square in flight[k]] for k in (0, 1))
+    assert len(unseen) > 200
+    assert len(again) > 80
+    assert 0.4 < mean(unseen) < 3.0
+    assert 0.4 < mean(again) < 3.0
