@@ -43,6 +43,7 @@ from fwav_companion.types import (
     Sighting,
     TakeOff,
     Track,
+    Unpaired,
     VehicleState,
 )
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
@@ -270,6 +271,7 @@ class CameraPipeline:
             fixes=tuple(fixes),
             could_see=paired.view.could_see if paired.view is not None else sees_nothing,
             vehicle_ned=paired.view.vehicle_ned if paired.view is not None else None,
+            vehicle=None if isinstance(paired.state, Unpaired) else paired.state,
             unplaced=tuple(unplaced),
             image_px2=self._image_px2,
             jumped_m=self._jumped_m(paired.boot_ns),

@@ -99,7 +99,7 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         assessment, present, placed = self.assessment, self.present, self.placed(track)
         if assessment is None or present is None or placed is None:
             return None
-        smoothed = self._smoothed(fix)
+        smoothed = self._smoothed(fix.sighting.state)
         along = placed.along_path(fix.sighting.state, smoothed)
         by_path_m2 = inf if along is None else along.claimed_m2
         below_m2 = inf if present.wanders_quickly else min(claimed_m2, by_path_m2)
@@ -108,8 +108,15 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
             return along if by_path_m2 < claimed_m2 else None
         return alone
 
-    def _smoothed(self, fix: GroundFix) -> SmoothedReport | None:
-        return self.motion.path.report(fix.sighting.state, self.context.priors)
+    def in_report(self, track: int, vehicle: VehicleState) -> CalibratedFix | None:
+        """A target relative to the vehicle at an instant without a fix of it; None where its velocity is not known."""
+        placed = self.placed(track)
+        if placed is None:
+            return None
+        return placed.in_report(vehicle, self._smoothed(vehicle), self.context.priors.position_noise_m)
+
+    def _smoothed(self, vehicle: VehicleState) -> SmoothedReport | None:
+        return self.motion.path.report(vehicle, self.context.priors)
 
     def _is_repeated(self, track: int, fix: GroundFix, alone: CalibratedFix) -> bool:
         """Whether the fix before this one of the same track shows the same place."""
@@ -117,7 +124,7 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         if before is None or self.assessment is None:
             return False
         frame = FrameFixes([before], self.context.state_at)
-        earlier = frame.alone(before, self.assessment.known, self._smoothed(before), inf)
+        earlier = frame.alone(before, self.assessment.known, self._smoothed(before.sighting.state), inf)
         return earlier is not None and earlier.agrees_with(alone)
 
     @property

@@ -18,7 +18,7 @@ from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.track_state import LiveTrack
-from fwav_companion.types import FrameView, GroundFix, Track
+from fwav_companion.types import FrameView, GroundFix, Track, VehicleState
 from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
     own: TargetState
     by_fix: CalibratedFix | None = None
     """The target by its fix of this frame, where that is better: it has error and delay of the vehicle's report."""
+    vehicle: VehicleState | None = None
+    """The vehicle's report at a frame without a fix of it."""
     velocity_ned: ClassVar[None] = None
     velocity_cov: ClassVar[None] = None
 
@@ -52,17 +54,24 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
     @property
     def apparent_ned(self) -> Vector3:
         """The target relative to the vehicle's report."""
-        placed, by_fix = self.placed, self.by_fix
-        if by_fix is not None:
-            return (by_fix.north, by_fix.east, self.position_ned[2])
-        return (placed.apparent_north, placed.apparent_east, self.position_ned[2])
+        place, in_report = self.placed, self._in_report
+        if in_report is not None:
+            return (in_report.north, in_report.east, self.position_ned[2])
+        return (place.apparent_north, place.apparent_east, self.position_ned[2])
 
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
-        if self.by_fix is not None:
-            return _level(self.by_fix.cov, self._down_variance)
+        if self._in_report is not None:
+            return _level(self._in_report.cov, self._down_variance)
         return _level(place_cov(self.calibrator, self.placed, self.own), self._down_variance)
+
+    @cached_property
+    def _in_report(self) -> CalibratedFix | None:
+        """The target in the frame of the vehicle's report; None where only its apparent place is known."""
+        if self.by_fix is not None or self.vehicle is None:
+            return self.by_fix
+        return self.calibrator.in_report(self.track, self.vehicle)
 
     @cached_property
     def _down_variance(self) -> float:
@@ -98,6 +107,8 @@ class TargetChoice(msgspec.Struct, frozen=True):
     """The same where it may correct the tracks."""
     landmarks_show: bool
     """Whether landmarks corrected the tracks' own filters."""
+    vehicle: VehicleState | None = None
+    """The vehicle's report at this instant; None where it is not known."""
 
     def calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
         """The target by the joint estimate, where that holds it and may correct it."""
@@ -105,11 +116,11 @@ class TargetChoice(msgspec.Struct, frozen=True):
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        target = CalibratedTargetState(calibrator, track.id, placed, track.target)
         if track.fix is None:
-            return target
+            return CalibratedTargetState(calibrator, track.id, placed, track.target, vehicle=self.vehicle)
         nn, _, ee = place_cov(calibrator, placed, track.target)
-        return msgspec.structs.replace(target, by_fix=calibrator.by_fix(track.id, track.fix, nn + ee))
+        by_fix = calibrator.by_fix(track.id, track.fix, nn + ee)
+        return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
 
     def target(self, track: LiveTrack) -> TargetEstimate:
         """The target by the joint estimate where that answers (``CalibrationState.answers``), else by its own filter.

@@ -29,7 +29,16 @@ from fwav_companion.tracking.track_state import (
     with_shared_evidence,
 )
 from fwav_companion.tracking.visibility import is_missed_detection
-from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
+from fwav_companion.types import (
+    FrameView,
+    GroundFix,
+    LandmarkAltitude,
+    LandmarkRecord,
+    Reason,
+    Track,
+    TrackState,
+    VehicleState,
+)
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -100,7 +109,7 @@ class Tracker:
 
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The reported targets of all live tracks, by id."""
-        target = self._choice.target
+        target = self._choice().target
         return {track.id: target(track) for track in self._state.alive if track.id > 0}
 
     @property
@@ -120,12 +129,11 @@ class Tracker:
         """Number of fixes of the newest frame that no reported track has, by reason."""
         return self._state.unused_fixes
 
-    @property
-    def _choice(self) -> TargetChoice:
-        """How the present state reports its targets."""
+    def _choice(self, vehicle: VehicleState | None = None) -> TargetChoice:
+        """How the present state reports its targets. ``vehicle``: its report at this instant."""
         state = self._state
         shown = state.landmarks is not None and state.landmarks.shows
-        return TargetChoice(self._calibrator, state.calibrator if self._corrects else None, shown)
+        return TargetChoice(self._calibrator, state.calibrator if self._corrects else None, shown, vehicle)
 
     @property
     def _calibrator(self) -> Calibrator | None:
@@ -150,7 +158,7 @@ class Tracker:
         if self._state.calibrator is not None:
             calibrator = self._state.calibrator.predicted(view.host_ns)
             self._state = msgspec.structs.replace(self._state, calibrator=calibrator)
-        state, choice = self._state, self._choice
+        state, choice = self._state, self._choice(view.vehicle)
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
         taken, branchings = self._associated(predicted, view, choice, joint)
@@ -181,7 +189,7 @@ class Tracker:
             wander=wander,
             biases=joint.biases,
         )
-        return self._choice.reports(tracks, view)
+        return self._choice(view.vehicle).reports(tracks, view)
 
     def _begun(
         self,
@@ -251,7 +259,7 @@ class Tracker:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state = self._state
         dropped = [msgspec.structs.replace(track.deleted(reason), fix=None, innovation=None) for track in state.alive]
-        reported = self._choice.reports(dropped, view)
+        reported = self._choice(view.vehicle).reports(dropped, view)
         restarted = None if state.calibrator is None else state.calibrator.restarted()
         if self._calibrating is not None:
             self._calibrating.drop_all(reason, view)
@@ -294,7 +302,7 @@ class Tracker:
         after = track.updated(view.host_ns, fix, llr, self._state.detector)
         if not self.reports_innovations:
             return after
-        return msgspec.structs.replace(after, innovation=innovation(self._choice.target(track), fix))
+        return msgspec.structs.replace(after, innovation=innovation(self._choice().target(track), fix))
 
     def _margin_m(self, track: LiveTrack) -> float | None:
         """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.

@@ -13,6 +13,7 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types.landmarks import LandmarkSight
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import GroundFix, Sighting
+from fwav_companion.types.telemetry import VehicleState
 
 
 class TrackState(StrEnum):
@@ -131,6 +132,8 @@ class FrameView(msgspec.Struct, frozen=True):
     """Whether a target at this position, NED, would lie inside the image and the valid range of the lens."""
     vehicle_ned: Vector3 | None = None
     """Vehicle's position at the capture as reported, local NED, metres; None where it is not known."""
+    vehicle: VehicleState | None = None
+    """The vehicle at the capture as reported; None where it is not known."""
     unplaced: tuple[Sighting, ...] = ()
     """Sightings without a fix, as too shallow ones."""
     image_px2: float = 640.0 * 480.0

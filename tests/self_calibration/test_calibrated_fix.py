@@ -187,6 +187,20 @@ def test_the_place_is_taken_without_the_noise_of_the_report_that_the_path_shows(
     assert found.cov == pytest.approx((0.03**2 + 0.01**2, 0.0, 0.03**2 + 0.02**2))
 
 
+@pytest.mark.parametrize("report", [None, ON_PATH])
+def test_without_a_fix_a_place_has_the_delay_and_the_noise_of_the_vehicles_report(report):
+    """At 5 m/s a report that is 0.1 s late is half a metre behind; its noise counts where no path shows it."""
+    vehicle = msgspec.structs.replace(fixes_with({})[0].sighting.state, velocity_ned=(3.0, -4.0, 0.0))
+    placed = msgspec.structs.replace(a_place(0.05), late_s=0.1, late_cov=(0.0, 0.0, 0.02**2))
+    found = placed.in_report(vehicle, report, 0.1)
+    assert (found.north, found.east) == pytest.approx((4.0 - 0.3, 3.0 + 0.4))
+    noise = (0.1**2, 0.1**2) if report is None else ON_PATH[1][:2]
+    alone = np.array((0.05**2 + noise[0], 0.0, 0.05**2 + noise[1]))
+    assert found.cov == pytest.approx(alone + 0.02**2 * np.array((9.0, -12.0, 16.0)))
+    unknown = msgspec.structs.replace(vehicle, velocity_ned=None)
+    assert placed.in_report(unknown, report, 0.1) is None
+
+
 def test_neither_is_taken_where_more_is_known_without_the_fix():
     fix, known = fixes_with({})[0], known_parameters(*parameters({}), EXACT)
     assert by_fix(fix, known, a_place(0.03), 1e-6, report=ON_PATH) is None

@@ -31,7 +31,7 @@ def test_no_claim_of_a_targets_own_filter_replaces_the_calibrated_place():
     calibrator = tracker.snapshot().calibrator
     assert calibrator.is_calibrated
     (track,) = (each for each in tracker.snapshot().alive if calibrator.placed(each.id) is not None)
-    place = tracker._choice.target(msgspec.structs.replace(track, target=SureState())).position_ned
+    place = tracker._choice().target(msgspec.structs.replace(track, target=SureState())).position_ned
     assert place[:2] == pytest.approx((2.0, 3.0), abs=0.1)
 
 

@@ -216,17 +216,13 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def _predicted(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted from the last fix: the error of the vehicle's position has wandered on.
 
-        The first second of a flight shows nothing of how it wanders: the wider claim holds. So it does over a gap until
-        a smooth error is shown: by the mean of both kinds, eights whose error was of the first order had squared errors
-        of 3 to 4.6 of the claimed variance after more than a second out of view; now they have 2.3 to 3.6.
+        The first second of a flight shows nothing of how it wanders: the wider claim holds.
         """
         nn, _, ee = self.apparent.noise
         since_s = s_from_ns(host_ns - self.fixed_ns)
         smooth_share = 0.0 if self.wander_evidence is None else self.wander_evidence.smooth_share
-        if since_s > STEP_S:
-            if smooth_share > SHOWN_SMOOTH and self.wandering is not None:
-                return self.apparent.moved(*self.wandering.movement(self.wander, since_s))
-            smooth_share = 0.0
+        if since_s > STEP_S and smooth_share > SHOWN_SMOOTH and self.wandering is not None:
+            return self.apparent.moved(*self.wandering.movement(self.wander, since_s))
         more = self.wander.apparent_noise(since_s, 0.5 * (nn + ee), smooth_share)
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
