@@ -85,15 +85,6 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
         cov = (nn - vn * (2.0 * nt - vn * tt), ne - vn * et - ve * nt + vn * ve * tt, ee - ve * (2.0 * et - ve * tt))
         return self.apparent_north - vn * self.late_s, self.apparent_east - ve * self.late_s, cov
 
-    def in_report(self, vehicle: VehicleState, smoothed: SmoothedReport | None, noise_m: float) -> CalibratedFix | None:
-        """Place in the frame of one report of the vehicle, which has noise where the smoothed path does not show it.
-        None without a velocity.
-        """
-        if vehicle.velocity_ned is None or smoothed is not None:
-            return self.along_path(vehicle, smoothed)
-        north, east, (nn, ne, ee) = self.relative_to(vehicle.velocity_ned)
-        return CalibratedFix(north, east, (nn + noise_m**2, ne, ee + noise_m**2))
-
     def along_path(self, vehicle: VehicleState, smoothed: SmoothedReport | None) -> CalibratedFix | None:
         """Place in the frame of one report of the vehicle: without its noise, which the smoothed path shows, and with
         its delay. None where the path does not show it.

@@ -9,6 +9,7 @@ from math import hypot, inf
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
 from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
@@ -110,10 +111,9 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     def in_report(self, track: int, vehicle: VehicleState) -> CalibratedFix | None:
         """A target relative to the vehicle at an instant without a fix of it; None where its velocity is not known."""
-        placed = self.placed(track)
-        if placed is None:
-            return None
-        return placed.in_report(vehicle, self._smoothed(vehicle), self.context.priors.position_noise_m)
+        placed, variance = self.placed(track), self.context.priors.position_noise_m**2
+        all_noise = (ZERO3, (variance, variance, 0.0))  # of a report that no path leads to
+        return None if placed is None else placed.along_path(vehicle, self._smoothed(vehicle) or all_noise)
 
     def _smoothed(self, vehicle: VehicleState) -> SmoothedReport | None:
         return self.motion.path.report(vehicle, self.context.priors)

@@ -110,16 +110,20 @@ def a_place(place_m):
     return CalibratedPlace(0.0, 0.0, square, 4.0, 3.0, square)
 
 
-def by_fix(fix, known, placed, claimed_m2, *, report=None, state_at=None, wanders_quickly=False, queue=None):
-    """The fix by the state of self-calibration. ``report``: noise and variance of the vehicle's, by the path."""
-    state = CalibrationState(
+def by_fix(fix, known, placed, claimed_m2, **state):
+    """The fix by the state of self-calibration."""
+    return a_state(known, placed, **state).by_fix(1, fix, claimed_m2)
+
+
+def a_state(known, placed, *, report=None, state_at=None, wanders_quickly=False, queue=None):
+    """The state of self-calibration. ``report``: noise and variance of the vehicle's, by the path."""
+    return CalibrationState(
         CalibrationContext(known.priors, state_at),
         queue=queue or MeasurementQueue(),
         present=SimpleNamespace(wanders_quickly=wanders_quickly),
         motion=SimpleNamespace(path=SimpleNamespace(report=lambda vehicle, priors: report)),
         assessment=SimpleNamespace(known=known, places={1: placed}),
     )
-    return state.by_fix(1, fix, claimed_m2)
 
 
 @pytest.mark.parametrize(("place_m", "chosen"), [(1.0, True), (0.01, False)])
@@ -192,13 +196,15 @@ def test_without_a_fix_a_place_has_the_delay_and_the_noise_of_the_vehicles_repor
     """At 5 m/s a report that is 0.1 s late is half a metre behind; its noise counts where no path shows it."""
     vehicle = msgspec.structs.replace(fixes_with({})[0].sighting.state, velocity_ned=(3.0, -4.0, 0.0))
     placed = msgspec.structs.replace(a_place(0.05), late_s=0.1, late_cov=(0.0, 0.0, 0.02**2))
-    found = placed.in_report(vehicle, report, 0.1)
+    state = a_state(known_parameters(*parameters({}), NOISY), placed, report=report)
+    found = state.in_report(1, vehicle)
     assert (found.north, found.east) == pytest.approx((4.0 - 0.3, 3.0 + 0.4))
     noise = (0.1**2, 0.1**2) if report is None else ON_PATH[1][:2]
     alone = np.array((0.05**2 + noise[0], 0.0, 0.05**2 + noise[1]))
     assert found.cov == pytest.approx(alone + 0.02**2 * np.array((9.0, -12.0, 16.0)))
     unknown = msgspec.structs.replace(vehicle, velocity_ned=None)
-    assert placed.in_report(unknown, report, 0.1) is None
+    assert state.in_report(1, unknown) is None
+    assert state.in_report(2, vehicle) is None
 
 
 def test_neither_is_taken_where_more_is_known_without_the_fix():
