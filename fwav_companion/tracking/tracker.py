@@ -10,7 +10,8 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking import reacquisition
-from fwav_companion.tracking.association import Candidate, associate, clutter
+from fwav_companion.tracking.association import associate
+from fwav_companion.tracking.clutter import clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetEstimate
@@ -18,6 +19,7 @@ from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 from fwav_companion.tracking.joint_compatibility import CommonBiases, JointGate
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, is_steady, not_detected
 from fwav_companion.tracking.new_tracks import MAX_TRACKS, Begun, unused_fixes, with_new, without_strays
+from fwav_companion.tracking.pair_costs import Candidate
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (

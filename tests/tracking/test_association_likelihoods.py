@@ -9,16 +9,11 @@ from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import multivariate_normal
 
-from fwav_companion.tracking.association import (
-    LEAST_NOISE_PX2,
-    Candidate,
-    Clutter,
-    associate,
-    clutter,
-    noise_area_px2,
-)
+from fwav_companion.tracking.association import associate
+from fwav_companion.tracking.clutter import LEAST_NOISE_PX2, Clutter, clutter, noise_area_px2
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.pair_costs import Candidate
 from fwav_companion.types.tracks import GateResult
 
 IMAGE_PX2 = 640.0 * 480.0

@@ -7,8 +7,11 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.association import Candidate, _Frame, _jointly, associate, clutter
+from fwav_companion.tracking.association import associate
+from fwav_companion.tracking.clutter import clutter
 from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.joint_association import jointly_gated
+from fwav_companion.tracking.pair_costs import Candidate, TracksAndFixes
 from fwav_companion.types.tracks import GateResult
 
 CLUTTER = clutter(DetectorModel(), 640.0 * 480.0)
@@ -154,7 +157,7 @@ class Learning:
 def test_a_steady_tracks_fix_that_is_more_likely_clutter_does_not_show_the_common_biases():
     fixes = [a_fix(0.0, (north, 0.0, 0.0)) for north in (0.0, 50.0)]
     steady = [Candidate("", Expecting(1.0, 0.0), None) for _ in fixes]
-    frame, joint = _Frame(steady, fixes, {0: 10.0, 1: 10.0}, CLUTTER), Learning()
+    frame, joint = TracksAndFixes(steady, fixes, {0: 10.0, 1: 10.0}, CLUTTER), Learning()
     costs = {(0, 0): 3.0, (1, 1): -5.0}
-    assert _jointly(costs, frame, joint) == costs
+    assert jointly_gated(costs, frame, joint) == costs
     assert joint.fixes == fixes[1:]

@@ -1,0 +1,54 @@
+"""How likely a fix is of clutter: what its likelihood as a target's is compared with."""
+
+from __future__ import annotations
+
+from math import dist, log, pi, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.vectors import cross, norm
+from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.types import GroundFix
+
+MOST_FALSE = 1.0
+"""False detections a frame up to which a steady track takes a fix that is more likely clutter. A track of clutter would
+live on them: at three a frame one lived for 25 s of 60."""
+LEAST_NOISE_PX2 = 1e-3
+"""Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
+
+
+class Clutter(msgspec.Struct, frozen=True):
+    """Log-likelihoods that a fix is compared with."""
+
+    false_per_px2: float
+    """False detections of a frame per square pixel."""
+    detection_odds: float
+    """Twice the log of the odds of a detection over a missed one, 0 at most."""
+    miss_cost: float = 0.0
+    """The same odds, 0 at least: cost of a target in view that stays without a fix."""
+    far_cost: float = 0.0
+    """Cost below which a steady track takes a fix: that of a miss where false detections are rare."""
+
+    def llr_of(self, fix: GroundFix) -> float:
+        """NIS plus log determinant ratio of a fix at which target and clutter are equally likely."""
+        return -2.0 * log(self.false_per_px2 * noise_area_px2(fix))
+
+
+def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
+    """The clutter of a frame. ``image_px2``: area of the image, square pixels."""
+    probability = detector.detection_probability
+    odds = 2.0 * log(probability / (1.0 - probability))
+    false, miss_cost = detector.false_per_frame, max(0.0, odds)
+    return Clutter(false / image_px2, min(0.0, odds), miss_cost, miss_cost if false <= MOST_FALSE else 0.0)
+
+
+def noise_area_px2(fix: GroundFix) -> float:
+    """2 pi sqrt(det R) of the fix's horizontal noise, in square pixels of its image.
+
+    A square pixel covers ``|d_du x d_dv| r^3 / h`` of level ground, at the slant range r from the height h.
+    """
+    (nn, ne, _), (_, ee, _), _ = fix.noise_cov
+    sighting, ray = fix.sighting, fix.sighting.ray
+    range_m, height_m = dist(fix.position_ned, sighting.camera_ned), fix.position_ned[2] - sighting.camera_ned[2]
+    ground_per_px2 = norm(cross(ray.d_du, ray.d_dv)) * range_m * range_m * range_m / max(abs(height_m), 1e-3)
+    return max(LEAST_NOISE_PX2, 2.0 * pi * sqrt(max(0.0, nn * ee - ne * ne)) / ground_per_px2)

@@ -1,0 +1,131 @@
+"""The costs of the pairs of a frame's tracks and fixes that the gates accept.
+
+The cost of a pair is minus twice the log of its likelihood against clutter and a missed detection. Errors that track
+and fix share cancel in the gate. Labels are kept apart; a detector's own id counts while the fix is not absurdly far.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias, cast
+
+import msgspec
+
+from fwav_companion.tracking.clutter import Clutter
+from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
+from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
+from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.standing import StandingTargetState, gates_of
+from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
+
+Costs: TypeAlias = dict[tuple[int, int], float]
+"""The cost of each possible pair, by the indices of its track and its fix."""
+
+
+class Candidate(msgspec.Struct, frozen=True, gc=False):
+    """A track as association sees it."""
+
+    label: str
+    target: TargetState
+    """Predicted to the frame."""
+    detector_id: int | None
+    """The detector's id of the track's last fix."""
+    refined: TargetEstimate | None = None
+    """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
+    confirmed: bool = True
+    """Whether the track is confirmed, or the branch of a confirmed one."""
+    steady: bool = True
+    """Whether the track is confirmed and was detected in the last frames: its errors are those of this one."""
+
+
+class TracksAndFixes(msgspec.Struct, frozen=True):
+    """Those of a frame, one track at least, all of one filter."""
+
+    candidates: Sequence[Candidate]
+    fixes: Sequence[GroundFix]
+    clutter_llr: Mapping[int, float]
+    """``Clutter.llr_of`` each fix that a track may take, less the odds of its detection, by index."""
+    against: Clutter
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether a wing beat displaces each frame's fixes in another way."""
+        first = self.candidates[0].target
+        return isinstance(first, StandingTargetState) and first.nonlinear
+
+    def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
+        """The cost of candidate i with fix j, the lower the better; None outside the gate.
+
+        A steady track takes a fix that is more likely clutter, too, where a missed detection is less likely still.
+        """
+        detector_id = self.fixes[j].sighting.detection.detector_id
+        if detector_id is not None and detector_id == self.candidates[i].detector_id:
+            return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
+        cost = gated.nis + gated.log_det_ratio - self.clutter_llr[j]
+        most = self.against.far_cost if self.candidates[i].steady else 0.0
+        return cost if gated.nis < gate and cost < most else None
+
+    def standing(self, i: int) -> StandingTargetState:
+        """The target of candidate i in a frame that is gated jointly: all of them stand."""
+        return cast("StandingTargetState", self.candidates[i].target)
+
+
+def possible_costs(
+    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
+) -> tuple[TracksAndFixes, Costs]:
+    """The tracks and fixes of a frame, and the costs of the pairs that the gates accept."""
+    possible, clutter_llr = _possible(candidates, fixes, against)
+    frame = TracksAndFixes(candidates, fixes, clutter_llr, against)
+    return frame, _refined(_costs(possible, frame), frame)
+
+
+def _possible(
+    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
+) -> tuple[dict[int, list[int]], dict[int, float]]:
+    """The fixes of equal label, in order, that each candidate may take; and the ``clutter_llr`` of those fixes.
+
+    No covariance of an innovation is smaller than the fix's own: beyond ``clutter_llr`` every cost is positive.
+    """
+    targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
+    for i, candidate in enumerate(candidates):
+        targets[candidate.label].append((i, candidate.target))
+    clutter_llr: dict[int, float] = {}
+    by_label: defaultdict[str, list[GatedFix]] = defaultdict(list)
+    for j, fix in enumerate(fixes):
+        detection = fix.sighting.detection
+        if detection.label in targets:
+            llr = clutter_llr[j] = against.llr_of(fix) + against.detection_odds
+            gate = max(0.0, min(GATE, llr + against.far_cost)) if detection.detector_id is None else ID_GATE
+            by_label[detection.label].append((j, fix, gate))
+    possible: dict[int, list[int]] = {}
+    for label, of_label in by_label.items():
+        possible |= possible_pairs(targets[label], of_label)
+    return possible, clutter_llr
+
+
+def _costs(possible: Mapping[int, Sequence[int]], frame: TracksAndFixes) -> Costs:
+    """The costs of the pairs that the gates accept."""
+    costs: Costs = {}
+    for i, near in possible.items():
+        for j, gated in zip(near, gates_of(frame.candidates[i].target, [frame.fixes[j] for j in near]), strict=True):
+            cost = None if gated is OUTSIDE_GATE else frame.cost(i, j, gated)
+            if cost is not None:
+                costs[i, j] = cost
+    return costs
+
+
+def _refined(costs: Costs, frame: TracksAndFixes) -> Costs:
+    """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
+    if not [candidate for candidate in frame.candidates if candidate.refined is not None]:
+        return costs
+    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
+    refined: Costs = {}
+    for (i, j), coarse in costs.items():
+        target = frame.candidates[i].refined
+        unambiguous = rows[i] == 1 and columns[j] == 1
+        cost = coarse if target is None or unambiguous else frame.cost(i, j, target.gate(frame.fixes[j]))
+        if cost is not None:
+            refined[i, j] = cost
+    return refined
