@@ -10,7 +10,8 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
-from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter, PixelInnovations
+from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter
+from fwav_companion.self_calibration.pixel_innovations import PixelInnovations, innovations
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, camera_pose, joined
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
@@ -146,7 +147,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         apart = np.where(hits, np.hypot(*np.moveaxis(points - middle[:, None], -1, 0)), np.inf)
         first = np.arange(len(own.tracks)) == apart.argmin(1)[:, None]
         joint = self.joint.with_target(track, self._hint(track, middle))
-        joint, *_ = joint.update((seen := joint.innovations(own)), first & seen.valid)
+        joint, *_ = joint.update((seen := innovations(joint, own)), first & seen.valid)
         return msgspec.structs.replace(self, joint=joint)._updated(own, ~first)
 
     def _hint(self, track: int, middle: Array) -> Array:
@@ -163,10 +164,10 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
     def _updated(self, batch: MeasurementBatch, wanted: Mask | None = None) -> FilterPass:
         joint, chosen = self.joint if self.drift is None else self.joint.displaced(), self.chosen
-        seen = joint.innovations(batch)
+        seen = innovations(joint, batch)
         if self.drift is not None and seen.displaced > MOST_DISPLACED:
             joint = joint.relinearized(batch)
-            seen = joint.innovations(batch)
+            seen = innovations(joint, batch)
         wanted = np.ones_like(seen.valid) if wanted is None else wanted
         fits = (seen.nis < GATE) & wanted
         joint, score, whitened = joint.update(seen, fits)

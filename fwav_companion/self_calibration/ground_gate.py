@@ -15,7 +15,8 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibrated_fix import BIASES_OF, SIGNS
 from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.self_calibration.ground_points import GATE_KNOT_NS, GroundPoints
-from fwav_companion.self_calibration.joint_filter import LEAST_DETERMINANT, JointFilter, two_by_two
+from fwav_companion.self_calibration.joint_filter import JointFilter
+from fwav_companion.self_calibration.pixel_innovations import LEAST_DETERMINANT, two_by_two
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult

@@ -27,14 +27,8 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.calibration_report import PriorInflation
-from fwav_companion.self_calibration.pixel_measurement import (
-    DELAY,
-    HEIGHT,
-    SHARED_COUNT,
-    MeasurementBatch,
-    common_noise,
-    predict,
-)
+from fwav_companion.self_calibration.pixel_innovations import PixelInnovations
+from fwav_companion.self_calibration.pixel_measurement import DELAY, HEIGHT, SHARED_COUNT, MeasurementBatch
 from fwav_companion.self_calibration.position_error import SMOOTH, PositionError, position_error
 from fwav_companion.types import ErrorPriors
 
@@ -47,32 +41,6 @@ ENOUGH_TARGETS = 3
 MOST_DISPLACED = 0.02
 """Angle by which the mean predicts better than the linearization point, beyond which the point moves there: its square
 is 0.02 degrees, a tenth of a pixel's noise."""
-
-LEAST_DETERMINANT = 1e-300
-"""Where rounding left no positive one, px^4."""
-
-
-class PixelInnovations(msgspec.Struct, frozen=True):
-    """Innovations of one batch under each hypothesis (B)."""
-
-    difference: Array
-    """(B, 2N), measured minus predicted, px; u and v alternate, and so below."""
-    rows: Array
-    """(B, 2N, n)."""
-    crossed: Array
-    """(B, 2N, n): H P."""
-    cov: Array
-    """(B, 2N, 2N): S, px^2."""
-    common: Array
-    """(B, N, 2, 7), roots of the noise that is common to the measurements of one frame, px."""
-    nis: Array
-    """(B, N), of each measurement alone; inf where it is impossible."""
-    determinant: Array
-    """(B, N), of S of each measurement alone, px^4."""
-    displaced: float
-    """Largest angle by which the mean predicts a measurement better than the linearization point does."""
-    valid: Mask
-    """(B, N)."""
 
 
 class JointFilter(msgspec.Struct, frozen=True, dict=True):
@@ -196,40 +164,6 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         point[:, DELAY] = np.where(turn > MOST_DISPLACED, before, point[:, DELAY])
         return msgspec.structs.replace(self, linearization_point=point)
 
-    def innovations(self, batch: MeasurementBatch) -> PixelInnovations:
-        """The innovations of measurements, all of targets in the estimate."""
-        index = [self.tracks.index(track) for track in batch.tracks]
-        point, size, first = self.linearization_point, self.mean.shape[1], self.first
-        places = point[:, SHARED_COUNT:].reshape(len(point), -1, 2)
-        seen = predict(batch, places[:, index], point[:, :SHARED_COUNT])
-        hypotheses, count = seen.valid.shape
-        rows = np.zeros((hypotheses, count, 2, size))
-        rows[..., :SHARED_COUNT] = seen.rows[..., :SHARED_COUNT]
-        rows[..., SHARED_COUNT:first] = seen.rows[..., SHARED_COUNT:] @ self.position.by_state
-        by_target = rows[..., first:].reshape(hypotheses, count, 2, -1, 2)
-        by_target[:, np.arange(count), :, index] = seen.rows[..., SHARED_COUNT:].swapaxes(0, 1)
-        flat = rows.reshape(hypotheses, 2 * count, size)
-        off = self.mean.copy()
-        off[:, :SHARED_COUNT] -= point[:, :SHARED_COUNT]
-        off[:, first:] -= point[:, SHARED_COUNT:]
-        difference = seen.residual - (flat @ off[:, :, None]).reshape(seen.residual.shape)
-        crossed = flat @ self.cov
-        common = common_noise(batch, seen.rows, self.priors)
-        cov = crossed @ flat.swapaxes(1, 2) + _full_noise(batch, common)
-        nis, determinant, valid = _alone(difference, cov, seen.valid)
-        gained = np.abs(seen.residual) - np.abs(difference)
-        return PixelInnovations(
-            difference=difference.reshape(hypotheses, -1),
-            rows=flat,
-            crossed=crossed,
-            cov=cov,
-            common=common,
-            nis=nis,
-            determinant=determinant,
-            displaced=float((gained / np.sqrt((batch.dual**2).sum(-1))).max()),
-            valid=valid,
-        )
-
     def update(self, seen: PixelInnovations, used: Mask) -> tuple[JointFilter, Array, Array]:
         """The estimate after the ``used`` (B, N) of the measurements, their log-likelihood (B) up to a constant, and
         their innovations whitened by S (B, 2N), 0 where unused.
@@ -299,32 +233,6 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         by = np.delete(np.eye(self.mean.shape[1]), self.moving, 0)
         by[SHARED_COUNT:, self.moving] = np.tile(self.position.by_state, (len(self.tracks), 1))
         return np.asarray(by @ self.cov[0] @ by.T)
-
-
-def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
-    """(B, 2N, 2N) covariance of the fresh errors: those of telemetry are common to the measurements of one frame."""
-    flat = common.reshape(len(common), -1, common.shape[-1])
-    frame = np.repeat(batch.frame, 2)
-    noise = np.asarray((flat @ flat.swapaxes(1, 2)) * (frame[:, None] == frame))
-    noise.reshape(len(noise), -1)[:, :: len(frame) + 1] += batch.pixel_sigma.ravel() ** 2  # on the diagonal
-    return noise
-
-
-def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
-    """NIS and determinant (B, N) of each measurement alone, and whether it is one."""
-    alone = cov.diagonal(axis1=1, axis2=2)
-    both = cov.diagonal(1, axis1=1, axis2=2)[:, ::2]
-    nis, determinant = two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
-    valid = valid & (determinant > 0.0)
-    return np.where(valid, nis, np.inf), determinant, valid
-
-
-def two_by_two(difference: Array, uu: Array, uv: Array, vv: Array) -> tuple[Array, Array]:
-    """Squared Mahalanobis distance by a covariance, inf where that is not positive, and its determinant."""
-    determinant = uu * vv - uv * uv
-    du, dv = difference[..., 0], difference[..., 1]
-    nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / np.maximum(determinant, LEAST_DETERMINANT)
-    return np.where(determinant > 0.0, nis, np.inf), determinant
 
 
 def joint_filter(

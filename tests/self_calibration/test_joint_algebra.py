@@ -13,6 +13,7 @@ from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import filter_pass
 from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.pixel_innovations import innovations
 from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     camera_pose,
@@ -82,7 +83,7 @@ def test_a_target_square_to_the_ray_is_no_prediction():
         )
         cov = joint.cov.copy()
         cov[0, [SHARED_COUNT, SHARED_COUNT + 1], [SHARED_COUNT, SHARED_COUNT + 1]] = 1.0
-        seen = msgspec.structs.replace(joint, cov=cov).innovations(batch)
+        seen = innovations(msgspec.structs.replace(joint, cov=cov), batch)
         if seen.valid[0, 0]:
             reported += 1
             common = seen.common[0, 0]
@@ -143,7 +144,7 @@ def test_the_joint_estimate_is_the_batch_fit():
     information, right = np.diag([*sigmas[used] ** -2, 1e-4, 1e-4]), np.zeros(len(used) + 2)
     places = [*used, SHARED_COUNT, SHARED_COUNT + 1]
     for batch in some_batches():
-        seen = joint.innovations(batch)
+        seen = innovations(joint, batch)
         joint, *_ = joint.update(seen, seen.valid)
         at = predict(batch, np.array([[target]]), point)
         rows = at.rows[0, 0][:, places]

@@ -23,6 +23,7 @@ from fwav_companion.self_calibration import joint_filter as joint_filter_module
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.measurement_queue import MOST_SIGHTS
+from fwav_companion.self_calibration.pixel_innovations import innovations
 from fwav_companion.self_calibration.pixel_measurement import (
     DELAY,
     SHARED_COUNT,
@@ -72,12 +73,12 @@ def test_a_prediction_depends_on_its_own_measurement_alone():
 def test_a_hypothesis_depends_on_no_other():
     batch, rng = a_frame(), np.random.default_rng(3)
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), rng, hypotheses=5)
-    seen = joint.innovations(batch)
+    seen = innovations(joint, batch)
     after, score, _ = joint.update(seen, seen.valid)
     for k in range(5):
         alone = joint.take([k])
-        innovations = alone.innovations(batch)
-        one, its_score, _ = alone.update(innovations, innovations.valid)
+        own = innovations(alone, batch)
+        one, its_score, _ = alone.update(own, own.valid)
         assert np.array_equal(one.mean[0], after.mean[k])
         assert np.array_equal(one.cov[0], after.cov[k])
         assert its_score[0] == score[k]
@@ -87,11 +88,11 @@ def test_one_batch_is_as_good_as_one_measurement_after_another():
     """Measurements of different frames share no noise: together and one by one they give the same estimate."""
     batches = [msgspec.structs.replace(each, tracks=(TRACKS[k % 3],)) for k, each in enumerate(some_batches()[:6])]
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.1], [3.9, 2.9]]), np.random.default_rng(2))
-    seen = joint.innovations(joined(batches))
+    seen = innovations(joint, joined(batches))
     together, score, _ = joint.update(seen, seen.valid)
     one_by_one, total = joint, 0.0
     for batch in batches:
-        seen = one_by_one.innovations(batch)
+        seen = innovations(one_by_one, batch)
         one_by_one, each, _ = one_by_one.update(seen, seen.valid)
         total += each[0]
     assert one_by_one.mean == pytest.approx(together.mean, rel=1e-9, abs=1e-12)
@@ -106,7 +107,7 @@ def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, monkeypatch):
     batch = a_frame()
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
     assert joint.considers_height is (enough == 4)
-    seen = joint.innovations(batch)
+    seen = innovations(joint, batch)
     after, *_ = joint.update(seen, seen.valid)
     rows, cov = seen.rows[0], joint.cov[0]
     noise = seen.cov[0] - rows @ cov @ rows.T
@@ -121,7 +122,7 @@ def test_targets_of_one_frame_share_the_noise_of_its_telemetry():
     """A frame's attitude errs alike for all its targets: many of them show it no better than one."""
     batch = a_frame()
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
-    seen = joint.innovations(batch)
+    seen = innovations(joint, batch)
     noise = seen.cov[0] - seen.rows[0] @ joint.cov[0] @ seen.rows[0].T
     targets = joint.linearization_point[:, SHARED_COUNT:].reshape(1, 3, 2)
     common = common_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
@@ -153,10 +154,10 @@ def test_the_linearization_point_moves_where_the_estimate_left_it_in_view():
     point = moved.linearization_point.copy()
     point[:, SHARED_COUNT:] += 0.5
     far = msgspec.structs.replace(joint, linearization_point=point)
-    assert moved.innovations(batch).displaced < 1e-9
-    assert far.innovations(batch).displaced > 0.02
+    assert innovations(moved, batch).displaced < 1e-9
+    assert innovations(far, batch).displaced > 0.02
     exact = predict(batch, moved.apparent.reshape(1, 3, 2), moved.mean[:, :SHARED_COUNT]).residual
-    assert moved.innovations(batch).difference == pytest.approx(exact.reshape(1, -1), abs=1e-9)
+    assert innovations(moved, batch).difference == pytest.approx(exact.reshape(1, -1), abs=1e-9)
 
 
 @pytest.mark.parametrize(("delay_s", "stays"), [(0.02, True), (0.002, False)])

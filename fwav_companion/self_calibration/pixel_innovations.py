@@ -1,0 +1,120 @@
+"""The innovations of a batch of pixels: what it measures against what the joint estimate predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from fwav_companion.self_calibration.arrays import Array, Mask
+from fwav_companion.self_calibration.pixel_measurement import (
+    SHARED_COUNT,
+    MeasurementBatch,
+    PredictedPixels,
+    common_noise,
+    predict,
+)
+
+if TYPE_CHECKING:
+    from fwav_companion.self_calibration.joint_filter import JointFilter
+
+LEAST_DETERMINANT = 1e-300
+"""Where rounding left no positive one, px^4."""
+
+
+class PixelInnovations(msgspec.Struct, frozen=True):
+    """Innovations of one batch under each hypothesis (B)."""
+
+    difference: Array
+    """(B, 2N), measured minus predicted, px; u and v alternate, and so below."""
+    rows: Array
+    """(B, 2N, n)."""
+    crossed: Array
+    """(B, 2N, n): H P."""
+    cov: Array
+    """(B, 2N, 2N): S, px^2."""
+    common: Array
+    """(B, N, 2, 7), roots of the noise that is common to the measurements of one frame, px."""
+    nis: Array
+    """(B, N), of each measurement alone; inf where it is impossible."""
+    determinant: Array
+    """(B, N), of S of each measurement alone, px^4."""
+    displaced: float
+    """Largest angle by which the mean predicts a measurement better than the linearization point does."""
+    valid: Mask
+    """(B, N)."""
+
+
+def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations:
+    """The innovations of measurements, all of targets in the estimate, about its linearization point."""
+    point, index = joint.linearization_point, [joint.tracks.index(track) for track in batch.tracks]
+    places = point[:, SHARED_COUNT:].reshape(len(point), -1, 2)
+    seen = predict(batch, places[:, index], point[:, :SHARED_COUNT])
+    rows = _rows(joint, seen, index)
+    difference = seen.residual - (rows @ _off_point(joint)[:, :, None]).reshape(seen.residual.shape)
+    crossed = rows @ joint.cov
+    common = common_noise(batch, seen.rows, joint.priors)
+    cov = crossed @ rows.swapaxes(1, 2) + _full_noise(batch, common)
+    nis, determinant, valid = _alone(difference, cov, seen.valid)
+    gained = np.abs(seen.residual) - np.abs(difference)
+    return PixelInnovations(
+        difference=difference.reshape(len(point), -1),
+        rows=rows,
+        crossed=crossed,
+        cov=cov,
+        common=common,
+        nis=nis,
+        determinant=determinant,
+        displaced=float((gained / np.sqrt((batch.dual**2).sum(-1))).max()),
+        valid=valid,
+    )
+
+
+def _rows(joint: JointFilter, seen: PredictedPixels, index: Sequence[int]) -> Array:
+    """(B, 2N, n) rows of the whole state. ``index``: the target of each measurement.
+
+    An apparent place moves with its target and with the vehicle's position error alike.
+    """
+    hypotheses, count = seen.valid.shape
+    rows = np.zeros((hypotheses, count, 2, joint.mean.shape[1]))
+    rows[..., :SHARED_COUNT] = seen.rows[..., :SHARED_COUNT]
+    rows[..., joint.moving] = seen.rows[..., SHARED_COUNT:] @ joint.position.by_state
+    by_target = rows[..., joint.first :].reshape(hypotheses, count, 2, -1, 2)
+    by_target[:, np.arange(count), :, index] = seen.rows[..., SHARED_COUNT:].swapaxes(0, 1)
+    return rows.reshape(hypotheses, 2 * count, -1)
+
+
+def _off_point(joint: JointFilter) -> Array:
+    """(B, n) the mean from the linearization point, in which the vehicle's position error is 0."""
+    off = joint.mean.copy()
+    off[:, :SHARED_COUNT] -= joint.linearization_point[:, :SHARED_COUNT]
+    off[:, joint.first :] -= joint.linearization_point[:, SHARED_COUNT:]
+    return off
+
+
+def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
+    """(B, 2N, 2N) covariance of the fresh errors: those of telemetry are common to the measurements of one frame."""
+    flat = common.reshape(len(common), -1, common.shape[-1])
+    frame = np.repeat(batch.frame, 2)
+    noise = np.asarray((flat @ flat.swapaxes(1, 2)) * (frame[:, None] == frame))
+    noise.reshape(len(noise), -1)[:, :: len(frame) + 1] += batch.pixel_sigma.ravel() ** 2  # on the diagonal
+    return noise
+
+
+def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
+    """NIS and determinant (B, N) of each measurement alone, and whether it is one."""
+    alone = cov.diagonal(axis1=1, axis2=2)
+    both = cov.diagonal(1, axis1=1, axis2=2)[:, ::2]
+    nis, determinant = two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
+    valid = valid & (determinant > 0.0)
+    return np.where(valid, nis, np.inf), determinant, valid
+
+
+def two_by_two(difference: Array, uu: Array, uv: Array, vv: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis distance by a covariance, inf where that is not positive, and its determinant."""
+    determinant = uu * vv - uv * uv
+    du, dv = difference[..., 0], difference[..., 1]
+    nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / np.maximum(determinant, LEAST_DETERMINANT)
+    return np.where(determinant > 0.0, nis, np.inf), determinant
