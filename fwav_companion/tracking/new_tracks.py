@@ -22,7 +22,7 @@ MAX_TRACKS = 200
 class Begun(msgspec.Struct, frozen=True):
     """The tracks after a frame with those that it began, and its fixes that began none."""
 
-    tracks: list[LiveTrack]
+    tracks: Sequence[LiveTrack]
     next_id: int
     refused: int = 0
     """Fixes that found the table full."""

@@ -106,8 +106,11 @@ def reacquired(tracks: list[LiveTrack], host_ns: HostNs) -> list[LiveTrack]:
 
 def independent(tracks: list[LiveTrack], next_id: int) -> tuple[list[LiveTrack], int]:
     """The tracks of a frame with ids for the branches whose coasting track has ended, and the next free id."""
+    branches = [track for track in tracks if track.branch_of and track.life.state is not TrackState.DROPPED]
+    if not branches:
+        return tracks, next_id
     living = {track.id for track in tracks if track.life.state is not TrackState.DROPPED}
-    freed = [track for track in tracks if track.branch_of and track.id in living and track.branch_of not in living]
+    freed = [track for track in branches if track.branch_of not in living]
     if not freed:
         return tracks, next_id
     numbered = [

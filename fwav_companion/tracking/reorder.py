@@ -13,7 +13,8 @@ from collections.abc import Mapping
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.tracking.tracker import Snapshot, Tracker
+from fwav_companion.tracking.snapshot import Snapshot
+from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS

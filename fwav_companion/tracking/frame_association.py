@@ -1,0 +1,68 @@
+"""The fixes of one frame by the tracks that have them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import msgspec
+
+from fwav_companion.tracking import reacquisition
+from fwav_companion.tracking.association import associate
+from fwav_companion.tracking.clutter import clutter
+from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.joint_compatibility import JointGate
+from fwav_companion.tracking.lifecycle import is_steady
+from fwav_companion.tracking.new_tracks import MAX_TRACKS
+from fwav_companion.tracking.pair_costs import Candidate
+from fwav_companion.tracking.self_calibrated import TargetChoice
+from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.types import FrameView, GroundFix
+
+Taken: TypeAlias = dict[int, reacquisition.Evidence]
+"""The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
+
+
+class FrameAssociation(msgspec.Struct, frozen=True):
+    """The fixes that tracks have, and those that begin a branch of a track instead."""
+
+    taken: Taken = {}
+    branchings: reacquisition.Branchings = {}
+
+    def unused(self, fixes: Sequence[GroundFix]) -> list[GroundFix]:
+        """The fixes of the frame that no track has."""
+        used = {id(fix) for fix, _ in self.taken.values()}
+        return [fix for fix in fixes if id(fix) not in used]
+
+
+def associated(
+    tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice, joint: JointGate, detector: DetectorModel
+) -> FrameAssociation:
+    """The fixes of a frame with its ``tracks``, predicted to it."""
+    if not (tracks and view.fixes):
+        return FrameAssociation()
+    against = clutter(detector, view.image_px2)
+    pairs = associate(_candidates(tracks, view, choice), view.fixes, against, view.could_see, joint)
+    taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
+    if len(tracks) + len(view.fixes) > MAX_TRACKS:  # a branch must not take the place of a target
+        return FrameAssociation(taken)
+    branchings = reacquisition.weak_evidence(tracks, taken, detector)
+    for track, _ in branchings.values():
+        del taken[track.id]
+    return FrameAssociation(taken, branchings)
+
+
+def _candidates(tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice) -> list[Candidate]:
+    """The tracks as association sees them."""
+    first = reacquisition.first_served(tracks)
+    return [
+        Candidate(
+            track.label,
+            track.target,
+            track.detector_id,
+            choice.calibrated(track),
+            confirmed=track.id in first,
+            steady=is_steady(track.life, view.host_ns),
+        )
+        for track in tracks
+    ]
