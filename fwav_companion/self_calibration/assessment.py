@@ -1,23 +1,21 @@
 """What is believed of a joint estimate: the observable parameters, and the targets by it.
 
 The estimate is the posterior of everything: what the flight does not show stays at its prior and in every claim. Its
-places are published once the mount is observable. While the flight does not contradict the configuration, the
-configuration is right, and correcting it by its own noise would only spread the targets: places are then those with
-all parameters at their priors, except for the delay. A mount is reported with the heading's error in it, which is
-nearly inseparable from it while the tilt varies little.
+places are published once the mount is observable. A mount is reported with the heading's error in it, which is nearly
+inseparable from it while the tilt varies little.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, KnownParameters, known_parameters
+from fwav_companion.self_calibration.calibrated_fix import KnownParameters, known_parameters
+from fwav_companion.self_calibration.calibrated_places import CalibratedPlace, calibrated_places
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
     KeptCalibration,
@@ -26,20 +24,14 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import JointFilter
-from fwav_companion.self_calibration.pixel_measurement import HEADING, MOUNT, SHARED_COUNT
-from fwav_companion.self_calibration.position_path import SmoothedReport
+from fwav_companion.self_calibration.pixel_measurement import MOUNT
 from fwav_companion.self_calibration.posterior import (
     MOUNT_AXES,
     NUISANCE,
-    TIMING,
-    block,
-    given,
     root_given,
-    whitened,
     with_drift,
 )
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
-from fwav_companion.types import VehicleState
 
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
@@ -52,48 +44,10 @@ MOST_DRIFT = 6.0
 """Factor of drifting innovations from which no constant mount explains the flight. Where all errors are constant it is
 1 to 2.8 over descents, circles and eights, and 5 where something walks among the targets; with a heading that wanders
 by 2 degrees in 20 s it ends at 9 and 10."""
-CONTRADICTION = 13.3
-"""Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
-(4 degrees of freedom)."""
 STEADY = 0.6
 """Share of the stamps' open instant that is the same throughout a flight: a loop that sends at one phase of itself
 makes all of it so, one that sends at any phase none, and flights do not show which. A third of the variance claims
 neither too much of the one nor twice too little of the other."""
-
-
-class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
-    """A target by the joint estimate, horizontal."""
-
-    north: float
-    east: float
-    cov: Symmetric2
-    apparent_north: float
-    """Place plus the present error of the vehicle's position: relative to the vehicle's report."""
-    apparent_east: float
-    relative_cov: Symmetric2
-    late_s: float = 0.0
-    """Delay of the vehicle's reported position beyond the configured one."""
-    late_cov: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Covariance of the apparent place with that delay, north and east, m s, and variance of the delay, s^2."""
-
-    def relative_to(self, velocity_ned: Vector3) -> tuple[float, float, Symmetric2]:
-        """Place and its covariance in the frame of the vehicle's report, for a vehicle with this velocity.
-
-        Sights show the target relative to the vehicle. The report is late, the apparent place errs by the same way.
-        """
-        (vn, ve, _), (nt, et, tt), (nn, ne, ee) = velocity_ned, self.late_cov, self.relative_cov
-        cov = (nn - vn * (2.0 * nt - vn * tt), ne - vn * et - ve * nt + vn * ve * tt, ee - ve * (2.0 * et - ve * tt))
-        return self.apparent_north - vn * self.late_s, self.apparent_east - ve * self.late_s, cov
-
-    def along_path(self, vehicle: VehicleState, smoothed: SmoothedReport | None) -> CalibratedFix | None:
-        """Place in the frame of one report of the vehicle: without its noise, which the smoothed path shows, and with
-        its delay. None where the path does not show it.
-        """
-        if smoothed is None or vehicle.velocity_ned is None:
-            return None
-        (off_n, off_e, _), (var_n, var_e, _) = smoothed
-        north, east, (nn, ne, ee) = self.relative_to(vehicle.velocity_ned)
-        return CalibratedFix(north + off_n, east + off_e, (nn + var_n, ne, ee + var_e))
 
 
 class Assessment(msgspec.Struct, frozen=True):
@@ -151,19 +105,16 @@ def assessed(
     mount_known = _mount_known(joint, sigmas, 1.0 if denied else shown, axes[1])
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
-    parameters: dict[int, tuple[float, float]] = {}
-    status, keep = CalibrationStatus.WAITING, None
+    status, parameters, keep = CalibrationStatus.WAITING, dict[int, tuple[float, float]](), None
     if delay_sigma_s <= DELAY_OBSERVABLE * _retained(before, SharedParameter.DELAY) * sigmas[SharedParameter.DELAY]:
-        status = CalibrationStatus.TIME
-        parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
+        status, parameters[SharedParameter.DELAY] = CalibrationStatus.TIME, (delay_s, delay_sigma_s)
     mount_retained = _retained(before, SharedParameter.MOUNT_X)
     drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
     constant = drifts_little or (before is not None and before.constant and shown <= MOST_DRIFT * RETAINED)
     if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
-        status = CalibrationStatus.CALIBRATED
+        status, keep = CalibrationStatus.CALIBRATED, _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
-        keep = _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
     return Assessment(
         status=status,
         parameters=parameters,
@@ -173,49 +124,13 @@ def assessed(
         mount_known=mount_known,
         posterior=(mean, cov),
         known=known_parameters(mean, cov, joint.priors),
-        places=_places(joint, (mean, cov), _published(joint, (mean, cov), means, sigmas)),
+        places=calibrated_places(joint, (mean, cov), (means, sigmas)),
     )
 
 
 def _retained(before: Assessment | None, parameter: int) -> float:
     """Factor on the bound of a parameter, which is wider for one that is reported already."""
     return RETAINED if before is not None and parameter in before.parameters else 1.0
-
-
-def _published(joint: JointFilter, posterior: tuple[Array, Array], means: Array, sigmas: Array) -> Array:
-    """The mean (n) of which places are published: while the configuration is not contradicted, with all parameters but
-    those of time as configured.
-
-    On circles over three targets with nothing wrong places are 0.021 m off so (median; worst 0.052), by the posterior's
-    mean 0.035 (0.118); where errors are drawn from their priors, both are the same to a millimetre.
-    """
-    mean, cov = posterior
-    if _distance2(mean, cov, means, sigmas) > CONTRADICTION:
-        return mean
-    held = [i for i in range(SHARED_COUNT) if i not in TIMING]
-    return given(mean, joint.cov[0], held, means[held])[0]
-
-
-def _places(joint: JointFilter, posterior: tuple[Array, Array], published: Array) -> dict[int, CalibratedPlace]:
-    """The targets by a published mean (n), with its distance from the posterior's in every claim."""
-    mean, cov = posterior
-    k, north = np.arange(len(joint.tracks)), joint.first + 2 * np.arange(len(joint.tracks))
-    by = np.zeros((len(k), 5, len(mean)))
-    by[k, 0, north] = by[k, 2, north] = by[k, 1, north + 1] = by[k, 3, north + 1] = 1.0
-    by[:, 2:4, joint.moving] = joint.position.by_state
-    by[:, 4, SharedParameter.POSITION_DELAY] = 1.0
-    apart = by @ (published - mean)
-    spread = by @ cov @ by.swapaxes(1, 2) + apart[:, :, None] * apart[:, None, :]
-    found = zip((by @ published).tolist(), spread.tolist(), strict=True)
-    return {track: _place(place, each) for track, (place, each) in zip(joint.tracks, found, strict=True)}
-
-
-def _place(place: Sequence[float], cov: Sequence[Sequence[float]]) -> CalibratedPlace:
-    """A place with its apparent place and the position delay (5)."""
-    north, east, apparent_north, apparent_east, late_s = place
-    (nn, ne, *_), (_, ee, *_), (_, _, rel_nn, rel_ne, nt), (_, _, _, rel_ee, et), (*_, tt) = cov
-    relative_cov = (rel_nn, rel_ne, rel_ee)
-    return CalibratedPlace(north, east, (nn, ne, ee), apparent_north, apparent_east, relative_cov, late_s, (nt, et, tt))
 
 
 def widened(sigmas: Array, denied: Collection[PriorInflation]) -> Array:
@@ -241,14 +156,6 @@ def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector
     along = np.array(sight)
     shares = (np.eye(3) - along[:, None] * along / (along @ along)) @ (root / prior[:, None])
     return float(np.sqrt(max(0.0, np.linalg.eigvalsh(shares @ shares.T)[-1])))
-
-
-def _distance2(mean: Array, cov: Array, means: Array, sigmas: Array) -> float:
-    """Squared distance of mount and height from the configuration, with the heading as right."""
-    known = [HEADING] if cov[HEADING, HEADING] > 0.0 else []
-    index = [*known, *(int(i) for i in (*MOUNT_AXES, SharedParameter.HEIGHT) if sigmas[i] > 0.0)]
-    white = whitened(block(cov, index), mean[index] - means[index])[len(known) :]
-    return float(white @ white)
 
 
 def _with_heading(mean: Array, cov: Array, down: Vector3) -> dict[int, tuple[float, float]]:

@@ -10,8 +10,9 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import ZERO3
-from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, believed
+from fwav_companion.self_calibration.assessment import Assessment, believed
 from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
+from fwav_companion.self_calibration.calibrated_places import CalibratedPlace
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,

@@ -22,8 +22,8 @@ from fwav_companion.types import FrameView, GroundFix, Track, VehicleState
 from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
-    from fwav_companion.self_calibration.assessment import CalibratedPlace
     from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
+    from fwav_companion.self_calibration.calibrated_places import CalibratedPlace
     from fwav_companion.self_calibration.calibrator import Calibrator
 
 

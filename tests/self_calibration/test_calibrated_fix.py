@@ -11,8 +11,8 @@ from simulated_world import World
 
 from fwav_companion.geometry.vectors import add
 from fwav_companion.self_calibration import SharedParameter
-from fwav_companion.self_calibration.assessment import CalibratedPlace
 from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, known_parameters
+from fwav_companion.self_calibration.calibrated_places import CalibratedPlace
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.frame_fixes import FrameFixes
