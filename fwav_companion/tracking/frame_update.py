@@ -25,8 +25,8 @@ class FrameUpdate(msgspec.Struct, frozen=True):
     detector: DetectorModel
     keep_ns: int
     """Time without a detection after which a track ends, ns."""
-    mount_off: float
-    """Angle by which the mount may be off, as estimated and as unknown."""
+    corrects: bool
+    """Whether self-calibration moves the tracks."""
     reports_innovations: bool
 
     def after(self, predicted: Sequence[LiveTrack], taken: Taken) -> tuple[list[LiveTrack], list[LiveTrack]]:
@@ -53,11 +53,14 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
     def _margin_m(self, track: LiveTrack) -> float | None:
-        """Distance by which the mount's error may move the target in the image, metres.
+        """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.
 
         None for a tentative track: the likelihood ratio of clutter is 1 on average only where every look counts.
         """
-        return self.mount_off * track.slant_m if track.confirmed else None
+        if not track.confirmed:
+            return None
+        calibrator = self.choice.calibrator if self.corrects else None
+        return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
     def _seen(self, track: LiveTrack, fix: GroundFix, llr: float, missed: Absent) -> LiveTrack:
         """The track after a frame with a fix of it. ``missed``: confirmed tracks whose fix it may be, displaced."""

@@ -24,7 +24,7 @@ def is_doubtful(costs: Costs, frame: TracksAndFixes) -> bool:
     """Whether pairs are to be gated jointly: a track is not steady, and all have sensitivities to the errors that they
     share, in which those are linear.
     """
-    if frame.nonlinear or not 2 <= len(costs) <= MOST_PAIRS:
+    if not 2 <= len(costs) <= MOST_PAIRS or frame.nonlinear:
         return False
     candidates = [frame.candidates[i] for i, _ in costs]
     steady = all(candidate.steady for candidate in candidates)

@@ -93,5 +93,7 @@ def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
 def unused_fixes(tracks: Sequence[LiveTrack], begun: Begun) -> dict[Reason, int]:
     """Number of fixes of a frame that no reported track has, by reason. ``tracks``: those after the frame."""
     weak = begun.strays + sum([track.id < 0 and track.fix is not None for track in tracks])
+    if not (weak or begun.refused):
+        return {}
     counts = {Reason.TOO_MANY_TRACKS: begun.refused, Reason.WEAK_EVIDENCE: weak}
     return {reason: count for reason, count in counts.items() if count}

@@ -104,7 +104,7 @@ def reacquired(tracks: list[LiveTrack], host_ns: HostNs) -> list[LiveTrack]:
     return after
 
 
-def independent(tracks: list[LiveTrack], next_id: int) -> tuple[list[LiveTrack], int]:
+def independent(tracks: Sequence[LiveTrack], next_id: int) -> tuple[Sequence[LiveTrack], int]:
     """The tracks of a frame with ids for the branches whose coasting track has ended, and the next free id."""
     branches = [track for track in tracks if track.branch_of and track.life.state is not TrackState.DROPPED]
     if not branches:

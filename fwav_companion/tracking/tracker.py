@@ -28,7 +28,16 @@ if TYPE_CHECKING:
 class Tracker:
     """Follows targets through frames in the order of their capture, which :class:`Reorder` ensures."""
 
-    __slots__ = ("_calibrating", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "reports_innovations")
+    __slots__ = (
+        "_calibrated_by",
+        "_calibrating",
+        "_corrects",
+        "_filter",
+        "_keep_ns",
+        "_patience_ns",
+        "_state",
+        "reports_innovations",
+    )
 
     def __init__(
         self,
@@ -53,12 +62,13 @@ class Tracker:
         self._corrects = corrects
         self._patience_ns = patience_ns
         self._calibrating = calibrating
+        self._calibrated_by: Tracker = calibrating or self
         self._state = Snapshot(calibrator=calibrator, landmarks=landmarks)
 
     @property
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
-        calibrator = self._calibrator
+        calibrator = self._calibrated_by._state.calibrator
         return None if calibrator is None else calibrator.report()
 
     def best_targets(self) -> dict[int, TargetEstimate]:
@@ -87,17 +97,9 @@ class Tracker:
         """How the present state reports its targets. ``vehicle``: its report at this instant."""
         state = self._state
         shown = state.landmarks is not None and state.landmarks.shows
-        return TargetChoice(self._calibrator, state.calibrator if self._corrects else None, shown, vehicle)
-
-    @property
-    def _mount_off(self) -> float:
-        """Angle by which the mount is off, as estimated and as unknown, where that may correct the tracks."""
-        calibrator = self._calibrator if self._corrects else None
-        return 0.0 if calibrator is None else calibrator.mount_off
-
-    @property
-    def _calibrator(self) -> Calibrator | None:
-        return (self._calibrating or self)._state.calibrator
+        return TargetChoice(
+            self._calibrated_by._state.calibrator, state.calibrator if self._corrects else None, shown, vehicle
+        )
 
     def snapshot(self) -> Snapshot:
         """The present state, to return to."""
@@ -115,19 +117,23 @@ class Tracker:
         """All tracks after this frame, by id; a track that the frame deleted is among them once."""
         if self._calibrating is not None:
             self._calibrating.on_frame(view)
-        self._predict_calibration(view)
+        if self._state.calibrator is not None:
+            self._state = _calibration_predicted(self._state, self._state.calibrator, view)
         state, choice = self._state, self._choice(view.vehicle)
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
         found = associated(predicted, view, choice, joint, state.detector)
-        update = FrameUpdate(view, choice, state.detector, self._keep_ns, self._mount_off, self.reports_innovations)
+        update = FrameUpdate(view, choice, state.detector, self._keep_ns, self._corrects, self.reports_innovations)
         after, missed = update.after(predicted, found.taken)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
-        merged = Begun(merging.merged(after, choice.target), state.next_id)
-        begun = self._begun(merged, predicted, found, view, landmarks)
+        begun = Begun(merging.merged(after, choice.target), state.next_id)
+        if len(found.taken) < len(view.fixes):
+            begun = self._begun(begun, predicted, found, view, landmarks)
         detector = detector_after(state.detector, view.host_ns, predicted, begun.tracks, refused=begun.refused)
-        tracks, landmarks = _by_landmarks(begun.tracks, view, landmarks)
+        tracks = begun.tracks
+        if landmarks is not None:
+            tracks, landmarks = _by_landmarks(tracks, view, landmarks)
         tracks, next_id = reacquisition.independent(tracks, begun.next_id)
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         living, wander = with_shared_evidence(living, state.wander)
@@ -144,13 +150,6 @@ class Tracker:
         )
         return self._choice(view.vehicle).reports(tracks, view)
 
-    def _predict_calibration(self, view: FrameView) -> None:
-        """Bring self-calibration to the instant of a frame, before it."""
-        if self._state.calibrator is not None:
-            calibrator = self._state.calibrator.predicted(view.host_ns)
-            calibrator.expect(view.fixes)
-            self._state = msgspec.structs.replace(self._state, calibrator=calibrator)
-
     def _begun(
         self,
         before: Begun,
@@ -160,8 +159,6 @@ class Tracker:
         landmarks: LandmarkTracking | None,
     ) -> Begun:
         """The tracks with those that begin by the fixes that no track has. ``predicted``: those before the frame."""
-        if len(found.taken) == len(view.fixes):
-            return before
         left = found.unused(view.fixes)
         free = without_strays(left, predicted, found.taken, view.host_ns)
         target_of = self._filter.initiate if landmarks is None else landmarks.initiate
@@ -182,7 +179,7 @@ class Tracker:
     @property
     def due_ns(self) -> HostNs | None:
         """Instant at which self-calibration catches up even if no further frame comes."""
-        calibrator = self._calibrator
+        calibrator = self._calibrated_by._state.calibrator
         return None if calibrator is None else calibrator.due_ns
 
     def catch_up(self, now_ns: HostNs) -> None:
@@ -225,11 +222,16 @@ class Tracker:
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
 
 
+def _calibration_predicted(state: Snapshot, calibrator: Calibrator, view: FrameView) -> Snapshot:
+    """The state with self-calibration at the instant of a frame, before it."""
+    predicted = calibrator.predicted(view.host_ns)
+    predicted.expect(view.fixes)
+    return msgspec.structs.replace(state, calibrator=predicted)
+
+
 def _by_landmarks(
-    tracks: Sequence[LiveTrack], view: FrameView, landmarks: LandmarkTracking | None
-) -> tuple[list[LiveTrack], LandmarkTracking | None]:
+    tracks: Sequence[LiveTrack], view: FrameView, landmarks: LandmarkTracking
+) -> tuple[list[LiveTrack], LandmarkTracking]:
     """The tracks of a frame corrected by what landmarks show, and the landmarks after it."""
-    if landmarks is None:
-        return list(tracks), None
     after = landmarks.tracked(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
     return [msgspec.structs.replace(track, target=after.corrected(track.target)) for track in tracks], after

@@ -33,7 +33,7 @@ COUNTED_S = 8.0
 ATTITUDE_BUDGET = 70.0
 """At 100 Hz, from the bytes to the timer's next instant."""
 FRAME_BUDGET = 408.0
-"""As measured (405): a change that adds to it is seen."""
+"""As measured (407): a change that adds to it is seen."""
 Result = TypeVar("Result")
 CAMERA = """
 model: kannala_brandt
