@@ -7,12 +7,10 @@ import pytest
 
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import Measurement
+from fwav_companion.tracking.filters.gate_results import gate_results
 from fwav_companion.tracking.filters.gates import GATE
-from fwav_companion.tracking.filters.schmidt_kalman import (
-    PointEstimate,
-    gate_results,
-    relative_estimate,
-)
+from fwav_companion.tracking.filters.relative_estimate import relative_estimate
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
 COUNT, TIMED, DELAYED = 7, 2, 4
 """Number of biases, indices of the time offset and of the position delay."""

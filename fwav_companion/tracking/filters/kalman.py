@@ -11,12 +11,8 @@ from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
 from fwav_companion.tracking.filters.maneuver import JUMPED, ManeuverLag
-from fwav_companion.tracking.filters.schmidt_kalman import (
-    first_down,
-    first_point_estimate,
-    relative_estimate,
-    scattered,
-)
+from fwav_companion.tracking.filters.relative_estimate import relative_estimate
+from fwav_companion.tracking.filters.schmidt_kalman import first_down, first_point_estimate, scattered
 from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState, apart_at
 from fwav_companion.types import ErrorPriors, GroundFix
 

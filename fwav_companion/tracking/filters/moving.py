@@ -28,8 +28,9 @@ from fwav_companion.geometry.vectors import (
 )
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement, Rows
+from fwav_companion.tracking.filters.gate_results import gate_results
 from fwav_companion.tracking.filters.maneuver import LAGS, TURNED, ManeuverLag
-from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_results, scattered
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, scattered
 from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 

@@ -16,7 +16,7 @@ gain of its noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, hypot, log
+from math import dist, hypot
 from operator import sub
 from typing import TypeAlias
 
@@ -25,8 +25,7 @@ import msgspec
 from fwav_companion.geometry.small_matrices import Row, Symmetric2, gram, inner
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
-from fwav_companion.tracking.filters.consider_biases import BiasShare, Measurement
-from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
+from fwav_companion.tracking.filters.consider_biases import Measurement
 
 Gain: TypeAlias = tuple[float, float, float, float]
 """K by rows: nn, ne, en, ee."""
@@ -206,94 +205,6 @@ def gain_of(weighed: Gain, cov: Symmetric2) -> Gain:
     scale = 1.0 / (nn * ee - ne * ne)
     i_nn, i_ne, i_ee = ee * scale, -ne * scale, nn * scale
     return (a * i_nn + b * i_ne, a * i_ne + b * i_ee, c * i_nn + d * i_ne, c * i_ne + d * i_ee)
-
-
-class RelativeEstimate(msgspec.Struct, frozen=True, gc=False):
-    """The target in the frame of the vehicle's report at one fix."""
-
-    north_m: float
-    east_m: float
-    cov: Symmetric2
-    """Covariance by every source, m^2."""
-    down_cov: tuple[float, float]
-    """Covariance by the biases with the height of the target, north and east, m^2."""
-
-
-def relative_estimate(
-    before: PointEstimate,
-    innovation: Innovation2,
-    fix_noise: Matrix3,
-    *,
-    position_noise_m2: float,
-    by_delay: BiasShare | None,
-    down: Row,
-) -> RelativeEstimate:
-    """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
-
-    An update of this instant alone: in that frame the noise r of one position is in the target and not in the fix, and
-    what the position delay does to the report, d, it does to neither. The innovation is the same: only its covariance
-    with the target's error (+ r + d D') and that of the target (+ r - d C' - C d' + d d') change, D and C being the
-    columns of the delay. ``fix_noise``: R of this fix alone, where that of the innovation is inflated for time
-    correlation; ``down``: C of the height. An update of all rows would double the time of a fix.
-    """
-    (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = innovation.weighed, innovation.before, innovation.cov
-    a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
-    if by_delay is not None:
-        i, n, e = by_delay
-        (of_point_n, of_point_e), (of_fix_n, of_fix_e) = innovation.of_point, innovation.of_fix
-        c_n, c_e = of_point_n[i], of_point_e[i]
-        by_n, by_e = of_fix_n[i] - c_n, of_fix_e[i] - c_e
-        a, b, c, d = a + n * by_n, b + n * by_e, c + e * by_n, d + e * by_e
-        nn, ne, ee = nn + n * (n - 2.0 * c_n), ne + n * e - n * c_e - e * c_n, ee + e * (e - 2.0 * c_e)
-    (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee) = before.noise, innovation.noise
-    (r_nn, r_ne, _), (_, r_ee, _), _ = fix_noise
-    alone = (s_nn - was_nn + p_nn + r_nn, s_ne - was_ne + p_ne + r_ne, s_ee - was_ee + p_ee + r_ee)
-    k_nn, k_ne, k_en, k_ee = gain = gain_of((a, b, c, d), alone)
-    return RelativeEstimate(
-        before.north_m + k_nn * innovation.north_m + k_ne * innovation.east_m,
-        before.east_m + k_en * innovation.north_m + k_ee * innovation.east_m,
-        (nn - k_nn * a - k_ne * b, ne - k_nn * c - k_ne * d, ee - k_en * c - k_ee * d),
-        _down_cov(before, innovation, gain, by_delay, down) if any(down) else (0.0, 0.0),
-    )
-
-
-def _down_cov(
-    before: PointEstimate, innovation: Innovation2, gain: Gain, by_delay: BiasShare | None, down: Row
-) -> tuple[float, float]:
-    """Covariance by the biases of a relative estimate with the height: (C - d + K D) times the height's row."""
-    (north, east), (a, b, c, d) = before.along(down), gain
-    of_n, of_e = (inner(row, down) for row in innovation.shared)
-    i, by_n, by_e = by_delay or (0, 0.0, 0.0)
-    return north - by_n * down[i] + a * of_n + b * of_e, east - by_e * down[i] + c * of_n + d * of_e
-
-
-def gate_results(
-    estimate: PointEstimate, scatter: AdaptiveNoise, fixes: Sequence[Measurement], timed: int | None
-) -> list[GateResult]:
-    """Gating statistics of fixes; errors that they share with the estimate cancel."""
-    (own_n, own_e), (p_nn, p_ne, p_ee) = estimate.shared, estimate.noise
-    north_m, east_m, certain = estimate.north_m, estimate.east_m, 1.0 - scatter.doubt
-    p_nn, p_ee, own2 = p_nn + scatter.variance, p_ee + scatter.variance, dist(own_n, own_e) ** 2
-    results = []
-    for fix in fixes:
-        (fix_n, fix_e, _), ((f_nn, f_ne, _), (_, f_ee, _), _) = fix.shared, fix.noise
-        n, e, nn = fix.position[0] - north_m, fix.position[1] - east_m, p_nn + f_nn + dist(fix_n, own_n) ** 2
-        if n * n > fix.gate * nn:  # the distance along either axis is a lower bound
-            results.append(OUTSIDE_GATE)
-            continue
-        ee = p_ee + f_ee + dist(fix_e, own_e) ** 2
-        if e * e > fix.gate * ee:
-            results.append(OUTSIDE_GATE)
-            continue
-        by_ne = 0.5 * (dist(fix_n, own_e) ** 2 + dist(fix_e, own_n) ** 2 - dist(fix_n, fix_e) ** 2 - own2)
-        ne = p_ne + f_ne + by_ne  # the inner product of the differences, by the distances of their ends
-        if timed is not None:
-            north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
-            nn, ne, ee = nn - certain * north * north, ne - certain * north * east, ee - certain * east * east
-        area2 = nn * ee - ne * ne
-        nis = (ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2
-        results.append(GateResult(nis, log(area2 / (f_nn * f_ee - f_ne * f_ne))))
-    return results
 
 
 def scattered(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measurement, timed: int | None) -> AdaptiveNoise:

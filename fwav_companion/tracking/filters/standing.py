@@ -16,6 +16,7 @@ from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.base import SharedInnovation, TargetEstimate
 from fwav_companion.tracking.filters.consider_biases import BiasShare, ConsiderBiases, Measurement
 from fwav_companion.tracking.filters.fix_mean import FixMean, first_mean
+from fwav_companion.tracking.filters.gate_results import gate_results
 from fwav_companion.tracking.filters.position_wander import (
     PositionWander,
     WanderingPlace,
@@ -23,13 +24,8 @@ from fwav_companion.tracking.filters.position_wander import (
     first_place_estimate,
     position_wander,
 )
-from fwav_companion.tracking.filters.schmidt_kalman import (
-    DownEstimate,
-    PointEstimate,
-    RelativeEstimate,
-    difference,
-    gate_results,
-)
+from fwav_companion.tracking.filters.relative_estimate import RelativeEstimate
+from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate, PointEstimate, difference
 from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, STEP_S, WanderEvidence
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult, GateShare
