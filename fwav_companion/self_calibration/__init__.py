@@ -7,13 +7,14 @@ position delay and lever arm are hardly separated from the mount: they are estim
 of the vehicle's position is estimated as it wanders; the height is considered then, until three targets show it.
 
 Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
-Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_path``, ``rate_denoiser``, ``vehicle_motion``,
-``position_smoother`` (the measurement);
-``position_error``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``, ``delay_search``,
-``reassociation``, ``relinearization`` (the estimate);
-``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment`` (what is believed of it); ``sights``,
-``mount_check``; ``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``calibration_state``,
-``present_report``, ``calibrator``.
+Reading order: ``delayed_poses``, ``measurement_batch``, ``pixel_measurement``, ``position_path``, ``rate_denoiser``,
+``vehicle_motion``, ``position_smoother`` (the measurement);
+``position_error``, ``pixel_innovations``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``,
+``delay_search``, ``reassociation``, ``relinearization`` (the estimate);
+``innovation_consistency``, ``posterior``, ``prior_inflation``, ``calibrated_places``, ``assessment`` (what is believed
+of it); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that is wrong altogether);
+``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``calibration_state``, ``present_report``,
+``calibrator``.
 """
 
 from fwav_companion.self_calibration.calibration_report import (

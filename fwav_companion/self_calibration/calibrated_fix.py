@@ -16,7 +16,7 @@ import numpy as np
 from fwav_companion.geometry.small_matrices import Symmetric2, squared_distance
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import SharedParameter as Shared
-from fwav_companion.self_calibration.pixel_measurement import RANGED
+from fwav_companion.self_calibration.measurement_batch import RANGED
 from fwav_companion.self_calibration.position_path import SmoothedReport
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 

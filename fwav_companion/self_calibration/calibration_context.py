@@ -16,7 +16,8 @@ from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
 from fwav_companion.self_calibration.frame_fixes import FrameFixes
 from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch, measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 

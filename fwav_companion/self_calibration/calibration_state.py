@@ -24,7 +24,8 @@ from fwav_companion.self_calibration.filter_pass import FilterPass
 from fwav_companion.self_calibration.frame_fixes import FrameFixes
 from fwav_companion.self_calibration.mean_axes import MeanAxes
 from fwav_companion.self_calibration.measurement_queue import MeasurementQueue
-from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
+from fwav_companion.self_calibration.mount_check import MountCheck
+from fwav_companion.self_calibration.named_mounts import NAMED
 from fwav_companion.self_calibration.position_path import SmoothedReport
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S

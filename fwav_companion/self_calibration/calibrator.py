@@ -25,6 +25,7 @@ from fwav_companion.self_calibration.calibration_report import (
 from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, FoundDelay, NoDelay, delay_search
 from fwav_companion.self_calibration.filter_pass import FilterPass
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.self_calibration.measurement_queue import (
     BATCH_NS,
     SEARCH_NS,
@@ -32,7 +33,6 @@ from fwav_companion.self_calibration.measurement_queue import (
     Frames,
     samples_of,
 )
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.self_calibration.position_smoother import in_motion
 from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.relinearization import STEP, steps_within

@@ -22,7 +22,7 @@ from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import CalibrationStatus, SharedParameter
 from fwav_companion.self_calibration.filter_pass import FilterPass
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.self_calibration.reassociation import Trial, near_places
 
 LEAST = 40

@@ -11,8 +11,9 @@ import numpy as np
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch, joined
 from fwav_companion.self_calibration.pixel_innovations import PixelInnovations, innovations
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, camera_pose, joined
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, camera_pose
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
 FIRST_MEASUREMENTS = 8

@@ -6,7 +6,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import conjugate, rotate
 from fwav_companion.geometry.vectors import Vector3, add, scale, subtract
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.types import VehicleState
 
 

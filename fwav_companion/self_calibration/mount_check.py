@@ -9,17 +9,16 @@ mounts: a mount that gathers them is reported, and with it the error of everythi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import acos, degrees, inf, radians
-from typing import TypeAlias
+from math import radians
 
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
-from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.self_calibration.arrays import EYE, Array, rotation, times
 from fwav_companion.self_calibration.calibration_context import mount_sigmas
+from fwav_companion.self_calibration.mount_search import SMALL_STEPS, STARTS, STEPS, searched
+from fwav_companion.self_calibration.named_mounts import CANDIDATES, angle, named, turned
 from fwav_companion.self_calibration.sights import (
     CommonPoint,
     Sights,
@@ -29,18 +28,6 @@ from fwav_companion.self_calibration.sights import (
     sights_of,
 )
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
-
-Turn: TypeAlias = tuple[int, int, int, int]
-"""x' = a x + b y, y' = c x + d y of the camera's ray."""
-
-CANDIDATES: tuple[tuple[str, Turn], ...] = (
-    ("the image is upside down: turn the mount by 180 degrees about the camera's axis", (-1, 0, 0, -1)),
-    ("the image is turned by 90 degrees counterclockwise", (0, -1, 1, 0)),
-    ("the image is turned by 90 degrees clockwise", (0, 1, -1, 0)),
-    ("the image is mirrored left to right", (-1, 0, 0, 1)),
-    ("the image is mirrored top to bottom", (1, 0, 0, -1)),
-)
-"""The mistake, and the turn that corrects it."""
 
 EVERY_NS = 200 * NS_PER_MS
 """Between two sights that are kept: sixty of them span many headings."""
@@ -79,18 +66,6 @@ racetracks drawn from the priors one, with a heading off by 5.4 degrees for a si
 """
 KNOWN = 1e-6
 """One sigma of an angle that is configured as exactly known, rad."""
-NAMED = radians(12.0)
-"""A mount off by more is named. Of mounts off by 10 degrees self-calibration found all, of those off by 15 nine in ten,
-by 20 half."""
-
-STEPS = tuple(map(radians, (40.0, 20.0, 10.0, 5.0, 2.0)))
-"""Steps of the search among mounts: the first reaches half way to the next start."""
-SMALL_STEPS = tuple(map(radians, (4.0, 2.0, 1.0)))
-STARTS: Array = np.array(
-    [(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 2)]
-) * radians(90.0)  # fmt: skip
-"""Rotation vectors, body axes."""
-AXES: Array = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
 
 
 class MountMistake(msgspec.Struct, frozen=True):
@@ -166,8 +141,8 @@ def _judged(
     suspect = _predicting(sights, configured, predicted_ns)
     if suspect is None:
         return before
-    common = _searched(seen, suspect.body_from_camera[None], SMALL_STEPS)
-    return _mistake(seen, configured, common, _named(configured.body_from_camera, common.body_from_camera))
+    common = searched(seen, suspect.body_from_camera[None], SMALL_STEPS)
+    return _mistake(seen, configured, common, named(configured.body_from_camera, common.body_from_camera))
 
 
 def _mistake(seen: Sights, configured: CommonPoint, common: CommonPoint, text: str) -> MountMistake:
@@ -182,11 +157,11 @@ def _enough(configured: CommonPoint) -> float:
 def _image(seen: Sights, configured: CommonPoint) -> tuple[CommonPoint, str] | None:
     """The turned or mirrored image that explains these sights, and better than a mount a little off does."""
     mount = configured.body_from_camera
-    turned = seen.meeting(np.array([_turned(mount, turn) for _, turn in CANDIDATES]))
-    best, text = min(((c, text) for c, (text, _) in zip(turned, CANDIDATES, strict=True)), key=lambda e: e[0].spread)
+    images = seen.meeting(np.array([turned(mount, turn) for _, turn in CANDIDATES]))
+    best, text = min(((c, text) for c, (text, _) in zip(images, CANDIDATES, strict=True)), key=lambda e: e[0].spread)
     if best.spread >= _enough(configured):
         return None
-    others = _searched(seen, np.array([mount, best.body_from_camera]), SMALL_STEPS)
+    others = searched(seen, np.array([mount, best.body_from_camera]), SMALL_STEPS)
     return (best, text) if best.spread < max(SHARP, AS_GOOD * others.spread) else None
 
 
@@ -208,45 +183,11 @@ def _predicting(sights: Sequence[SingleSight], configured: CommonPoint, predicte
 def _suspect(seen: Sights, configured: CommonPoint) -> CommonPoint | None:
     """The mount that explains these sights, one near the configured one first; None where there is none."""
     mount = configured.body_from_camera
-    near = _searched(seen, mount[None], SMALL_STEPS, lambda each: _angle(mount, each) <= SMALL)
+    near = searched(seen, mount[None], SMALL_STEPS, lambda each: angle(mount, each) <= SMALL)
     if near.spread < _enough(configured):
         return near
-    found = _searched(seen, times(rotation(STARTS), mount), STEPS)
+    found = searched(seen, times(rotation(STARTS), mount), STEPS)
     return found if found.spread < _enough(configured) else None
-
-
-def _spread(common: CommonPoint) -> float:
-    return common.spread
-
-
-def _turned(mount: Array, turn: Turn) -> Array:
-    a, b, c, d = turn
-    return times(mount, np.array(((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0))))
-
-
-def _mirrors(turn: Turn) -> bool:
-    a, b, c, d = turn
-    return a * d < b * c
-
-
-def _searched(
-    seen: Sights, starts: Array, steps: Sequence[float], allowed: Callable[[Array], bool] = lambda _: True
-) -> CommonPoint:
-    """The ``allowed`` mount that gathers the sights best: from the best start by steps about body axes."""
-    best = min(seen.meeting(starts), key=_spread)
-    for step in steps:
-        least = inf
-        while best.spread < least:
-            least = best.spread
-            near = times(rotation(AXES * step), best.body_from_camera)
-            near = near[[allowed(each) for each in near]]
-            best = min([best, *(seen.meeting(near) if len(near) else ())], key=_spread)
-    return best
-
-
-def _angle(a: Array, b: Array) -> float:
-    """Angle of the rotation from one mount to the other, rad."""
-    return acos(max(-1.0, min(1.0, 0.5 * (float((a * b).sum()) - 1.0))))
 
 
 def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight, priors: ErrorPriors) -> bool:
@@ -262,25 +203,7 @@ def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight,
         off = 0.5 * np.array((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
         return bool(off @ information @ off < LIKELY)
 
-    likely = _searched(seen, configured.body_from_camera[None], SMALL_STEPS, is_likely)
+    likely = searched(seen, configured.body_from_camera[None], SMALL_STEPS, is_likely)
     if likely.spread >= _enough(configured):
         return False
-    return likely.spread < max(SHARP, AS_GOOD * _searched(seen, likely.body_from_camera[None], SMALL_STEPS).spread)
-
-
-def _named(configured: Array, found: Array) -> str:
-    """The mistake of a mount in words; empty where it is off by little. A turned image on a mount a little off is still
-    a turned image.
-    """
-    off = _angle(configured, found)
-    if off < NAMED:
-        return ""
-    for text, turn in CANDIDATES:
-        if not _mirrors(turn) and _angle(_turned(configured, turn), found) < NAMED:
-            return text
-    matrix: Matrix3 = tuple(map(tuple, found.tolist()))  # type: ignore[assignment]
-    roll, pitch, yaw = (round(degrees(angle)) for angle in euler_from_body_from_camera(matrix))
-    return (
-        f"it is off by about {degrees(off):.0f} degrees: what is seen meets in one place with about "
-        f"roll_deg = {roll}, pitch_deg = {pitch}, yaw_deg = {yaw}"
-    )
+    return likely.spread < max(SHARP, AS_GOOD * searched(seen, likely.body_from_camera[None], SMALL_STEPS).spread)

@@ -9,13 +9,8 @@ import msgspec
 import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
-from fwav_companion.self_calibration.pixel_measurement import (
-    SHARED_COUNT,
-    MeasurementBatch,
-    PredictedPixels,
-    common_noise,
-    predict,
-)
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, PredictedPixels, common_noise, predict
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.joint_filter import JointFilter

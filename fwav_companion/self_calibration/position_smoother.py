@@ -19,7 +19,7 @@ import numpy as np
 
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.self_calibration.position_path import PositionPath
 from fwav_companion.self_calibration.rate_denoiser import denoised
 from fwav_companion.self_calibration.vehicle_motion import VehicleMotion

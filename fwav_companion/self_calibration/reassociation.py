@@ -15,7 +15,8 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.filter_pass import WORST, FilterPass
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, distances
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, distances
 
 NEARER = 0.5
 """Distance from another target over that from the own, below which a measurement changes. Errors that all targets share

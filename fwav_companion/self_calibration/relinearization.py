@@ -16,7 +16,8 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.reassociation import near_places, reassociated
 

@@ -8,7 +8,8 @@ from simulated_flight import priors
 from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.delayed_poses import DelayedPoses
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
+from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 
 HEIGHT_M, RADIUS_M, SPEED_M_S, STEP_S, FOCAL = 14.0, 3.0, 2.0, 0.2, 600.0
 TARGETS = np.array([[4.0, 0.0], [-2.0, 3.5], [-2.0, -3.5]])

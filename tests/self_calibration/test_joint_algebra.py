@@ -13,13 +13,9 @@ from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import filter_pass
 from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.measurement_batch import measurement_batch
 from fwav_companion.self_calibration.pixel_innovations import innovations
-from fwav_companion.self_calibration.pixel_measurement import (
-    SHARED_COUNT,
-    camera_pose,
-    measurement_batch,
-    predict,
-)
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, camera_pose, predict
 
 
 def some_batches(count=40):

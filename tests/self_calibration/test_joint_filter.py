@@ -22,17 +22,10 @@ from simulated_world import World
 from fwav_companion.self_calibration import joint_filter as joint_filter_module
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.measurement_batch import joined, measurement_batch
 from fwav_companion.self_calibration.measurement_queue import MOST_SIGHTS
 from fwav_companion.self_calibration.pixel_innovations import innovations
-from fwav_companion.self_calibration.pixel_measurement import (
-    DELAY,
-    SHARED_COUNT,
-    camera_pose,
-    common_noise,
-    joined,
-    measurement_batch,
-    predict,
-)
+from fwav_companion.self_calibration.pixel_measurement import DELAY, SHARED_COUNT, camera_pose, common_noise, predict
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
 

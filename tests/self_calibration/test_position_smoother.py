@@ -10,7 +10,7 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.pixel_measurement import joined, measurement_batch
+from fwav_companion.self_calibration.measurement_batch import joined, measurement_batch
 from fwav_companion.self_calibration.position_path import VELOCITY_DENSITY, PositionPath, chord_error_m
 from fwav_companion.self_calibration.position_smoother import in_motion, moved, smoothed_back
 from fwav_companion.self_calibration.vehicle_motion import VehicleMotion

@@ -9,7 +9,8 @@ from simulated_world import World
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import WORST, filter_pass
 from fwav_companion.self_calibration.joint_filter import joint_filter
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, measurement_batch
+from fwav_companion.self_calibration.measurement_batch import measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.reassociation import Trial, near_places, reassociated
 
 TARGETS = ((4.0, 3.0), (4.0, 1.0))

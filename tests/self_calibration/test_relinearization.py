@@ -13,7 +13,8 @@ from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration import relinearization as passes
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, measurement_batch
+from fwav_companion.self_calibration.measurement_batch import measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.position_path import PositionPath
 from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.relinearization import Relinearization

@@ -15,12 +15,8 @@ from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
-from fwav_companion.self_calibration.pixel_measurement import (
-    SHARED_COUNT,
-    SharedParameter,
-    measurement_batch,
-    predict,
-)
+from fwav_companion.self_calibration.measurement_batch import measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, SharedParameter, predict
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, with_drift
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias

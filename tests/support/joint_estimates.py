@@ -7,7 +7,8 @@ from simulated_world import World
 
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, measurement_batch
+from fwav_companion.self_calibration.measurement_batch import measurement_batch
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 
 SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.02, 0.01, -0.02, 0.03]])
 SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.05, 0.03, 0.03, 0.03))
