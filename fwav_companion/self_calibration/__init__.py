@@ -11,10 +11,10 @@ Reading order: ``delayed_poses``, ``measurement_batch``, ``pixel_measurement``, 
 ``vehicle_motion``, ``position_smoother`` (the measurement);
 ``position_error``, ``pixel_innovations``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``,
 ``delay_search``, ``reassociation``, ``relinearization`` (the estimate);
-``innovation_consistency``, ``posterior``, ``prior_inflation``, ``calibrated_places``, ``assessment`` (what is believed
-of it); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that is wrong altogether);
-``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``calibration_state``, ``present_report``,
-``calibrator``.
+``innovation_consistency``, ``posterior``, ``prior_inflation``, ``calibrated_fix``, ``calibrated_places``,
+``assessment`` (what is believed of it); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that
+is wrong altogether); ``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``mean_axes``,
+``calibration_state``, ``present_report``, ``calibrator``. ``arrays`` has what all of them share.
 """
 
 from fwav_companion.self_calibration.calibration_report import (
