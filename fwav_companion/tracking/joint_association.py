@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 
 from fwav_companion.tracking.filters.standing import StandingTargetState
@@ -15,29 +15,33 @@ JOINT_GATE = 13.8
 """The gate given what other pairs show; 2 degrees of freedom: a true fix lies beyond it once in 1000 times."""
 ROUNDS = 3
 """Rounds of narrowing gates, at most."""
+RIVAL = 6.0
+"""Difference of costs below which the second-best pair of a track or a fix is its best one's rival: odds of 20 to 1."""
 MOST_PAIRS = 400
 """Pairs up to which a frame is gated jointly. Measured: a pair takes 18 us, and flights over thirty targets have 31 at
 most; 256 new targets over 50 by 36 m have a thousand."""
 
 
 def is_doubtful(costs: Costs, frame: TracksAndFixes) -> bool:
-    """Whether pairs are to be gated jointly: a track is not steady, and all have sensitivities to the errors that they
-    share, in which those are linear.
+    """Whether pairs are to be gated jointly: a track is not steady or a pair has a rival, and all have sensitivities to
+    the errors that they share, in which those are linear.
     """
     if not 2 <= len(costs) <= MOST_PAIRS or frame.nonlinear:
         return False
     candidates = [frame.candidates[i] for i, _ in costs]
-    steady = all(candidate.steady for candidate in candidates)
-    return not steady and all(isinstance(candidate.target, StandingTargetState) for candidate in candidates)
+    if not all(isinstance(candidate.target, StandingTargetState) for candidate in candidates):
+        return False
+    return not all(candidate.steady for candidate in candidates) or bool(_rivals(costs, frame))
 
 
 def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate) -> Costs:
     """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
 
-    A pair of a steady track is in doubt where another track, which is not steady, may take its fix; one that is more
-    likely clutter shows nothing.
+    A pair of a steady track is in doubt where it has a rival, or where another track, which is not steady, may take its
+    fix; one that is more likely clutter shows nothing.
     """
-    candidates, doubtful = frame.candidates, {j for i, j in costs if not frame.candidates[i].steady}
+    candidates = frame.candidates
+    doubtful = _rivals(costs, frame) | {j for i, j in costs if not candidates[i].steady}
 
     def joint_cost(i: int, j: int) -> float | None:
         if candidates[i].refined is not None or j not in doubtful:
@@ -68,6 +72,25 @@ def learn_decided(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes,
         candidate = frame.candidates[i]
         if candidate.confirmed and not candidate.steady and costs[i, j] <= SURE:
             joint.learn(frame.standing(i), frame.fixes[j], steady=False)
+
+
+def _rivals(costs: Costs, frame: TracksAndFixes) -> set[int]:
+    """The fixes of pairs that are about as likely as another one of the same track or fix.
+
+    Errors beyond their priors, as of a camera that is late by more than it may be, displace steady tracks too, by as
+    much as targets are apart. Those of a self-calibrated prediction are known.
+    """
+    pairs: defaultdict[tuple[str, int], list[tuple[float, int]]] = defaultdict(list)
+    for (i, j), cost in costs.items():
+        if frame.candidates[i].refined is not None:
+            continue
+        pairs["track", i].append((cost, j))
+        pairs["fix", j].append((cost, j))
+    fixes = set[int]()
+    for (least, one), (more, other), *_ in (sorted(each) for each in pairs.values() if len(each) > 1):
+        if more - least < RIVAL:
+            fixes |= {one, other}
+    return fixes
 
 
 def _unambiguous(costs: Costs, candidates: Sequence[Candidate]) -> list[tuple[int, int]]:

@@ -86,12 +86,14 @@ class JointGate:
         self._learned.add(pair)
         innovation = self._innovation(target, fix)
         now = self._known(innovation, fix)
+        seen = now.residual(innovation)
         if not steady:
             self.biases = (self.biases or now).learned(innovation)
-        elif now.gate(innovation, fix).nis > GATE:
+        elif seen.nis > GATE:
             self.biases = self._now = None
             now = self._known(innovation, fix)
-        self._now = now.learned(innovation)
+            seen = now.residual(innovation)
+        self._now = now.update(seen)
 
     def _innovation(self, target: StandingTargetState, fix: GroundFix) -> SharedInnovation:
         pair = (id(target), id(fix))

@@ -43,6 +43,14 @@ def test_a_row_seen_from_the_other_side_is_not_exchanged_by_one_place():
     assert found == {place: ids[place] for place in (*ROW[1:], FAR)}
 
 
+def test_a_row_that_is_displaced_from_one_frame_to_the_next_is_not_exchanged_either():
+    """Steady tracks: all were seen a tenth of a second before."""
+    tracker, ids = tracked()
+    tracks = tracker.on_frame(seen(7.5, (*ROW[1:], FAR), -1.0))
+    found = {round(track.fix.position_ned[1] + SIDE_M): track.id for track in tracks if track.fix is not None}
+    assert found == {place: ids[place] for place in (*ROW[1:], FAR)}
+
+
 def test_what_frames_before_showed_decides_for_a_lone_target():
     tracker, ids = tracked()
     tracker.on_frame(seen(12.0, (FAR, ROW[2]), -1.0))
