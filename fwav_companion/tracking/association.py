@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
-from fwav_companion.tracking.joint_association import is_doubtful, jointly_gated, learn_decided
+from fwav_companion.tracking.joint_association import doubtful_fixes, jointly_gated, learn_decided
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs
 from fwav_companion.types import GroundFix
@@ -35,15 +35,14 @@ def associate(
     ``candidates``: one at least, all of one filter.
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
-    ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
+    ``joint``: narrows the gates of fixes that more than one track may have taken, and learns from the pairs.
     """
     frame, costs = possible_costs(candidates, fixes, against)
-    if joint is not None and not is_doubtful(costs, frame):
-        joint = None
-    if joint is not None:
-        costs = jointly_gated(costs, frame, joint)
+    doubtful = doubtful_fixes(costs, frame) if joint is not None else ()
+    if joint is not None and doubtful:
+        costs = jointly_gated(costs, frame, joint, doubtful)
     taken = _taken(costs, frame, could_see)
-    if joint is not None:
+    if joint is not None and doubtful:
         learn_decided(taken, costs, frame, joint)
     return {i: (j, 0.5 * (min(-costs[i, j], frame.clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.joint_compatibility import JointGate
@@ -22,26 +22,24 @@ MOST_PAIRS = 400
 most; 256 new targets over 50 by 36 m have a thousand."""
 
 
-def is_doubtful(costs: Costs, frame: TracksAndFixes) -> bool:
-    """Whether pairs are to be gated jointly: a track is not steady or a pair has a rival, and all have sensitivities to
-    the errors that they share, in which those are linear.
+def doubtful_fixes(costs: Costs, frame: TracksAndFixes) -> set[int]:
+    """The fixes that a track which is not steady may take, and those of pairs with a rival; none unless all tracks have
+    sensitivities to the errors that they share, in which those are linear.
     """
     if not 2 <= len(costs) <= MOST_PAIRS or frame.nonlinear:
-        return False
-    candidates = [frame.candidates[i] for i, _ in costs]
-    if not all(isinstance(candidate.target, StandingTargetState) for candidate in candidates):
-        return False
-    return not all(candidate.steady for candidate in candidates) or bool(_rivals(costs, frame))
+        return set()
+    candidates = frame.candidates
+    if not all(isinstance(candidates[i].target, StandingTargetState) for i, _ in costs):
+        return set()
+    return _rivals(costs, frame) | {j for i, j in costs if not candidates[i].steady}
 
 
-def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate) -> Costs:
+def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate, doubtful: Container[int]) -> Costs:
     """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
 
-    A pair of a steady track is in doubt where it has a rival, or where another track, which is not steady, may take its
-    fix; one that is more likely clutter shows nothing.
+    ``doubtful``: the fixes whose gates are narrowed. A pair that is more likely clutter shows nothing.
     """
     candidates = frame.candidates
-    doubtful = _rivals(costs, frame) | {j for i, j in costs if not candidates[i].steady}
 
     def joint_cost(i: int, j: int) -> float | None:
         if candidates[i].refined is not None or j not in doubtful:

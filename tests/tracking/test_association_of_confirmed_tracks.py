@@ -159,5 +159,5 @@ def test_a_steady_tracks_fix_that_is_more_likely_clutter_does_not_show_the_commo
     steady = [Candidate("", Expecting(1.0, 0.0), None) for _ in fixes]
     frame, joint = TracksAndFixes(steady, fixes, {0: 10.0, 1: 10.0}, CLUTTER), Learning()
     costs = {(0, 0): 3.0, (1, 1): -5.0}
-    assert jointly_gated(costs, frame, joint) == costs
+    assert jointly_gated(costs, frame, joint, doubtful=()) == costs
     assert joint.fixes == fixes[1:]
