@@ -19,10 +19,14 @@ def inner(a: Row, b: Row) -> float:
     return 0.5 * (hypot(*a) ** 2 + hypot(*b) ** 2 - dist(a, b) ** 2)
 
 
-def product(rows: Sequence[Row], b: Row) -> Row:
-    """The matrix of these rows times the column b: ``inner`` of each with b."""
-    b2 = hypot(*b) ** 2
-    return tuple([0.5 * (hypot(*a) ** 2 + b2 - dist(a, b) ** 2) for a in rows])
+def products(rows: Sequence[Row], a: Row, b: Row) -> tuple[Row, Row]:
+    """The matrix of these rows times the columns a and b: ``inner`` of each row with them."""
+    a2, b2, by_a, by_b = hypot(*a) ** 2, hypot(*b) ** 2, [], []
+    for row in rows:
+        row2 = hypot(*row) ** 2
+        by_a.append(0.5 * (row2 + a2 - dist(row, a) ** 2))
+        by_b.append(0.5 * (row2 + b2 - dist(row, b) ** 2))
+    return tuple(by_a), tuple(by_b)
 
 
 def gram(n: Row, e: Row) -> Symmetric2:

@@ -15,7 +15,7 @@ from typing import Self
 import msgspec
 from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import Row, Symmetric2, diagonal, inner, plus_diagonal, product
+from fwav_companion.geometry.small_matrices import Row, Symmetric2, diagonal, inner, plus_diagonal, products
 from fwav_companion.tracking.filters.base import SharedInnovation
 
 
@@ -63,7 +63,7 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
     def residual(self, innovation: SharedInnovation) -> BiasResidual:
         """The residual of an innovation."""
         (d_n, d_e), (nn, ne, ee) = innovation.shared, innovation.noise
-        by_n, by_e = product(self.cov, d_n), product(self.cov, d_e)
+        by_n, by_e = products(self.cov, d_n, d_e)
         return BiasResidual(
             innovation.north_m - inner(self.mean, d_n),
             innovation.east_m - inner(self.mean, d_e),
