@@ -1,7 +1,7 @@
-"""Assignment of least total cost over the pairs that are possible at all.
+"""Assignment of least total cost over the possible pairs.
 
-Shortest augmenting paths with dual prices (Jonker & Volgenant 1987), on lists of pairs in the place of a table: a path
-stays among the rows and columns that pairs connect, so connected components are solved one by one.
+Shortest augmenting paths with dual prices (Jonker & Volgenant 1987), on lists of pairs instead of a full cost matrix. A
+path stays among the rows and columns that pairs connect, so connected components are solved one by one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 def least_cost_assignment(costs: Sequence[Mapping[int, float]]) -> tuple[int, ...]:
     """The column of each row, no column twice. ``costs``: each row's finite costs by column.
 
-    ValueError where the rows cannot all be assigned. Equal costs go to the lower column.
+    ValueError if not all rows can be assigned. Equal costs go to the lower column.
     """
     row_price = [0.0] * len(costs)
     column_price: dict[int, float] = {}

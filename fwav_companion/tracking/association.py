@@ -14,13 +14,13 @@ from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes,
 from fwav_companion.types import GroundFix
 
 CONFIRMED_BONUS = 8.0
-"""Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
-fix from it."""
+"""Cost advantage of a confirmed track over a tentative one: the tentative track takes a fix from the confirmed one only
+if it is fifty times likelier."""
 LAST = 1e-3
-"""Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
+"""Factor on the cost of a tentative track whose advantage is less than CONFIRMED_BONUS: it takes a fix that is left."""
 LEFT = 1e-2
-"""The same of a steady track that may be out of view and a fix that is more likely clutter: ten times as much, so that
-it mostly comes before a tentative track."""
+"""Factor on the cost of a steady track that may be out of view, with a fix that is more likely clutter. It is ten times
+LAST, so that the steady track mostly comes before a tentative track."""
 
 
 def associate(
@@ -30,12 +30,12 @@ def associate(
     could_see: Callable[[Vector3], bool] | None = None,
     joint: JointGate | None = None,
 ) -> dict[int, tuple[int, float]]:
-    """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter.
+    """Map of candidate index to fix index, each at most once, and the fix's log-likelihood ratio against clutter.
 
-    ``candidates``: one at least, all of one filter.
-    ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
-    not: where errors that targets share move them by half of their distance, this decides which of them are seen.
-    ``joint``: narrows the gates of fixes that more than one track may have taken, and learns from the pairs.
+    ``candidates``: at least one, all with the same filter.
+    ``could_see``: whether a place is in view. A target in view without a fix was missed; a target out of view was not.
+    Where shared errors displace targets by half of their distance, this decides which of them are seen.
+    ``joint``: narrows the gates of fixes that more than one track may take, and learns from the pairs.
     """
     frame, costs = possible_costs(candidates, fixes, against)
     doubtful = doubtful_fixes(costs, frame) if joint is not None else ()
@@ -48,7 +48,7 @@ def associate(
 
 
 def _taken(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> dict[int, int]:
-    """The fix of each track that takes one, by their indices."""
+    """Fix index of each track that takes a fix, by candidate index."""
     taken = dict(costs.keys())
     if len(taken) == len(set(taken.values())) == len(costs):  # no track or fix has more than one partner
         return taken
@@ -58,10 +58,10 @@ def _taken(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], b
 
 
 def _with_misses(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> Costs:
-    """The costs less that of a miss, for the confirmed tracks in view.
+    """The costs, for confirmed tracks in view less the cost of a missed detection.
 
-    A tentative track without a fix may be of clutter: then no target was missed. A steady track that the image's edge
-    may hide takes a fix that is left.
+    A tentative track may be clutter; without a fix, then no target was missed. A steady track that may be beyond the
+    image's edge takes a fix that is left.
     """
     miss_cost, candidates = frame.against.miss_cost, frame.candidates
     if could_see is None or miss_cost <= 0.0:
@@ -81,13 +81,13 @@ def _contested(costs: Costs) -> Costs:
 
 
 def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
-    """The costs by which confirmed tracks come first.
+    """The costs with priority for confirmed tracks.
 
-    Tentative tracks have a handicap; a fix that no confirmed track takes remains theirs. Where the errors are not
-    linear, distances show less than that all targets are there: a reward of confirmed tracks instead, so that as many
-    of them as can be have a fix. Of 24 flights over near targets under a late camera the handicap loses or doubles a
-    target in three, the reward in none. One rule for both, the odds that a track exists and is detected, does so in
-    one, and in six of sixty over thirty targets, where the handicap does in four.
+    Tentative tracks have a handicap, but may take a fix that no confirmed track takes. Where the errors are not linear,
+    distances are weaker evidence than the presence of all targets. There, confirmed tracks have a reward instead, so
+    that as many of them as possible have a fix. In 24 flights over near targets with a late camera, the handicap loses
+    or duplicates a target in three flights, the reward in none. One rule for both cases, the odds that a track exists
+    and is detected, does so in one. It also does so in six of sixty flights over thirty targets, the handicap in four.
     """
     confirmed = [candidate.confirmed for candidate in frame.candidates]
     if frame.nonlinear:
@@ -98,7 +98,7 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
 
 
 def _assigned(costs: Costs) -> dict[int, int]:
-    """The pairs of least total cost, where a pair that is left out costs nothing."""
+    """The pairs of least total cost. A track may stay without a fix at no cost."""
     rows = sorted({i for i, _ in costs})
     by_row: dict[int, dict[int, float]] = {i: {-1 - i: 0.0} for i in rows}
     for (i, j), cost in costs.items():

@@ -1,4 +1,4 @@
-"""How likely a fix is of clutter: what its likelihood as a target's is compared with."""
+"""Likelihood that a fix is clutter, with which its likelihood as a fix of a target is compared."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.types import GroundFix
 
 MOST_FALSE = 1.0
-"""False detections a frame up to which a steady track takes a fix that is more likely clutter. A track of clutter would
-live on them: at three a frame one lived for 25 s of 60."""
+"""Number of false detections a frame up to which a steady track takes a fix that is more likely clutter. With more of
+them, such fixes keep a track of clutter alive: at three a frame one lived for 25 s of 60."""
 LEAST_NOISE_PX2 = 1e-3
-"""Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
+"""Lower bound of the area of a fix's noise ellipse, square pixels: a smaller claim of a detector is not believed."""
 
 
 class Clutter(msgspec.Struct, frozen=True):
-    """Log-likelihoods that a fix is compared with."""
+    """Clutter density and detection odds of one frame, with which fixes are compared."""
 
     false_per_px2: float
     """False detections of a frame per square pixel."""
     detection_odds: float
-    """Twice the log of the odds of a detection over a missed one, 0 at most."""
+    """Twice the log of the odds of a detection over a missed one, at most 0."""
     miss_cost: float = 0.0
-    """The same odds, 0 at least: cost of a target in view that stays without a fix."""
+    """The same log-odds, at least 0: cost of a target in view without a fix."""
     far_cost: float = 0.0
-    """Cost below which a steady track takes a fix: that of a miss where false detections are rare."""
+    """Cost below which a steady track takes a fix: ``miss_cost`` where false detections are rare, otherwise 0."""
 
     def llr_of(self, fix: GroundFix) -> float:
-        """NIS plus log determinant ratio of a fix at which target and clutter are equally likely."""
+        """Sum of NIS and log determinant ratio of a fix at which target and clutter are equally likely."""
         return -2.0 * log(self.false_per_px2 * noise_area_px2(fix))
 
 
@@ -43,9 +43,9 @@ def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
 
 
 def noise_area_px2(fix: GroundFix) -> float:
-    """2 pi sqrt(det R) of the fix's horizontal noise, in square pixels of its image.
+    """Area 2 pi sqrt(det R) of the fix's horizontal noise, in square pixels of its image.
 
-    A square pixel covers ``|d_du x d_dv| r^3 / h`` of level ground, at the slant range r from the height h.
+    A square pixel covers ``|d_du x d_dv| r^3 / h`` of level ground, at the slant range r and the height h.
     """
     (nn, ne, _), (_, ee, _), _ = fix.noise_cov
     sighting, ray = fix.sighting, fix.sighting.ray

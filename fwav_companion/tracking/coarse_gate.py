@@ -1,10 +1,10 @@
 """Pairs of tracks and fixes that the exact gate may accept: a coarse gate for several tracks.
 
 An innovation n along an axis passes the exact gate only if ``n^2 <= gate * (a + b + |r - s|^2)``, with the variances a
-and b of track and fix and their sensitivities r and s to shared errors. Fixes are gathered in strips by north, sorted
-by east: with the reference row c of a strip, ``|r - s| <= |r - c| + |s - c|``, where the second length is that of the
-fix for all tracks. A track is compared with the fixes of a strip between two bounds. No pair that the exact gate
-accepts is left out.
+and b of track and fix and their sensitivities r and s to shared errors. Fixes are grouped into strips by north and
+sorted by east in each strip. With the reference sensitivities c of a strip, ``|r - s| <= |r - c| + |s - c|``, where the
+second length is the same for all tracks. A track is compared only with the fixes of a strip between two bounds of east.
+No pair that the exact gate accepts is left out.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateShare
 
 FEW_PAIRS = 12
-"""Pairs up to which the exact gate alone is as fast."""
+"""Number of pairs up to which the exact gate alone is as fast."""
 ABREAST = 12
-"""Fixes for which one strip is the fastest; the number of strips grows with the square root."""
+"""Number of fixes up to which one strip is fastest; the number of strips grows with the square root of their number."""
 SLACK = 1.0 + 1e-9
-"""Factor for the rounding of both gates."""
+"""Factor on the coarse gate that covers the rounding errors of both gates."""
 
 GatedFix: TypeAlias = tuple[int, GroundFix, float]
 """Index of a fix, the fix, and the largest NIS at which a track may take it."""
 Member: TypeAlias = tuple[float, float, float, float, float, float, int]
-"""A fix in its strip: north and east, metres; own variances along them, m^2; distances of its sensitivities along them
-to the strip's, metres; index."""
+"""A fix in its strip: north and east, metres; own variances of both, m^2; distances of its north and east sensitivities
+from the strip's reference, metres; fix index."""
 
 
 class GateStrip(msgspec.Struct, frozen=True, gc=False):
@@ -42,13 +42,13 @@ class GateStrip(msgspec.Struct, frozen=True, gc=False):
     members: tuple[Member, ...]
     easts: tuple[float, ...]
     reference: GateShare
-    """Share of one of them."""
+    """Gate share of one of the fixes, as the reference of sensitivities."""
     gate: float
     """Widest gate of a member, times SLACK."""
     norths: tuple[float, float]
     """Least and largest north, metres."""
     bounds: tuple[float, float, float, float]
-    """Largest own variances and distances of sensitivities of a member, each north and east."""
+    """Largest own variances, m^2, and largest distances of sensitivities, metres, of a member, each north and east."""
 
     def in_reach(self, position_ned: Vector3, own: GateShare) -> list[int]:
         """Indices of the fixes that a target's gate may accept."""
@@ -69,7 +69,7 @@ class GateStrip(msgspec.Struct, frozen=True, gc=False):
 
 
 def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
-    """Indices of fixes, in order, by the index of a track; every pair that the exact gate accepts is among them."""
+    """Map of track index to fix indices, in order. It contains every pair that the exact gate accepts."""
     standing = targets[0][1]
     if len(targets) * len(fixes) <= FEW_PAIRS or not isinstance(standing, StandingTargetState):
         every = [j for j, *_ in fixes]

@@ -1,7 +1,7 @@
-"""Fixes that an error of the camera beyond its prior displaces: they are no evidence for another target.
+"""Fixes displaced by a camera error beyond its prior: they are not evidence of another target.
 
-A camera later than its prior displaces what it sees by more than the gate, and fixes of one target alternate between
-its track and a new one. Such an error displaces all targets of a frame by about as much.
+A camera delay beyond its prior displaces fixes by more than the gate. The fixes of one target then alternate between
+its track and a new one. Such an error displaces all targets of a frame by about the same distance.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import GroundFix
 
 DISPLACED_SIGMAS = 8.0
-"""Twice the gate: a camera late by three sigma displaces a fix by that distance."""
+"""Largest displacement, sigmas: twice the gate. A camera late by three sigma displaces a fix by that distance."""
 OFF_RATIO = 2.0
-"""Largest ratio of two displacements in a frame: an angle displaces by the square of the range over the height, twice
-as far at 45 degrees as below the vehicle."""
+"""Largest ratio of two displacements in a frame. An angle displaces a fix in proportion to the square of the range over
+the height: twice as far at 45 degrees as below the vehicle."""
 
 
 class Absent(msgspec.Struct, frozen=True):
@@ -28,10 +28,10 @@ class Absent(msgspec.Struct, frozen=True):
 
     tracks: Sequence[LiveTrack]
     seen_off_m: float | None
-    """Least distance of a fix from its own confirmed track in this frame, metres; None without one."""
+    """Least distance of a fix from its own confirmed track in this frame, metres; None without such a fix."""
 
     def may_explain(self, fix: GroundFix) -> bool:
-        """Whether the fix may be of one of them, displaced."""
+        """Whether the fix may be a displaced fix of one of these tracks."""
         label = fix.sighting.detection.label
         return any(_may_be_displaced(each.target, fix, self.seen_off_m) for each in self.tracks if each.label == label)
 
@@ -47,9 +47,10 @@ def absent(
     *,
     photographs: bool,
 ) -> Absent:
-    """The confirmed tracks that a frame missed. ``taken``: the fixes of the tracks that it detected, by id.
+    """The confirmed tracks that a frame missed. ``taken``: fixes assigned to tracks, by track id.
 
-    Only of ``photographs`` fixes are compared: of many frames some show a target, displaced, in another one's place.
+    Displacements are compared only in ``photographs``: among many frames, some show a displaced target in the place of
+    another target.
     """
     confirmed = [track for track in missed if track.confirmed]
     if not (confirmed and photographs):
@@ -60,9 +61,10 @@ def absent(
 
 
 def _may_be_displaced(target: TargetState, fix: GroundFix, seen_off_m: float | None) -> bool:
-    """Whether a fix lies within DISPLACED_SIGMAS of a target, on both axes, without the vehicle's position errors.
+    """Whether a fix lies within DISPLACED_SIGMAS of a target on both axes, without the vehicle's position errors.
 
-    It is at most OFF_RATIO times as far from it as ``seen_off_m``, another fix from its own target.
+    It must also be at most OFF_RATIO times as far from the target as ``seen_off_m``, the least distance of another fix
+    from its own target.
     """
     own, other, reach2 = target.relative_cov, fix.relative_cov, DISPLACED_SIGMAS**2
     north, east, _ = subtract(fix.position_ned, target.apparent_ned)

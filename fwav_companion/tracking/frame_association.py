@@ -1,4 +1,4 @@
-"""The fixes of one frame by the tracks that have them."""
+"""Association of one frame: which track has which fix."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import FrameView, GroundFix
 
 Taken: TypeAlias = dict[int, reacquisition.Evidence]
-"""The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
+"""Fix assigned to each track, by track id, with the log-likelihood ratio of the fix against clutter."""
 
 
 class FrameAssociation(msgspec.Struct, frozen=True):
-    """The fixes that tracks have, and those that begin a branch of a track instead."""
+    """Result of the association of one frame: fixes assigned to tracks, and fixes that begin a branch of a track."""
 
     taken: Taken = {}
     branchings: reacquisition.Branchings = {}
 
     def unused(self, fixes: Sequence[GroundFix]) -> list[GroundFix]:
-        """The fixes of the frame that no track has."""
+        """The fixes of the frame that are assigned to no track."""
         used = {id(fix) for fix, _ in self.taken.values()}
         return [fix for fix in fixes if id(fix) not in used]
 
@@ -38,7 +38,7 @@ class FrameAssociation(msgspec.Struct, frozen=True):
 def associated(
     tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice, joint: JointGate, detector: DetectorModel
 ) -> FrameAssociation:
-    """The fixes of a frame with its ``tracks``, predicted to it."""
+    """The association of the fixes of a frame with ``tracks``, which are predicted to that frame."""
     if not (tracks and view.fixes):
         return FrameAssociation()
     against = clutter(detector, view.image_px2)
@@ -53,7 +53,7 @@ def associated(
 
 
 def _candidates(tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice) -> list[Candidate]:
-    """The tracks as association sees them."""
+    """The tracks as candidates of the association."""
     first = reacquisition.first_served(tracks)
     return [
         Candidate(

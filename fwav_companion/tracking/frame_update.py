@@ -1,4 +1,4 @@
-"""What one frame does to the tracks that live: each is detected, missed, or out of view."""
+"""Update of the live tracks by one frame: each track is detected, missed, or out of view."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class FrameUpdate(msgspec.Struct, frozen=True):
     reports_innovations: bool
 
     def after(self, predicted: Sequence[LiveTrack], taken: Taken) -> tuple[list[LiveTrack], list[LiveTrack]]:
-        """The tracks after the frame, and those of ``predicted`` that it should have shown and did not."""
+        """The tracks after the frame, and the tracks of ``predicted`` that the frame missed."""
         unseen, missed, displaced = dict[int, LiveTrack](), list[LiveTrack](), NONE_ABSENT
         if len(taken) < len(predicted):
             unseen = {track.id: self._unseen(track) for track in predicted if track.id not in taken}
@@ -44,7 +44,7 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         return reacquisition.reacquired(after, self.view.host_ns), missed
 
     def _unseen(self, track: LiveTrack) -> LiveTrack:
-        """The track after a frame without a fix of it."""
+        """The track after a frame without a fix for it."""
         missed = is_missed_detection(self.view, track.label, self.choice.target(track), self._margin_m(track))
         look_s = LOOK_S if track.target.velocity_cov is None else MOVING_LOOK_S
         life = not_detected(
@@ -53,9 +53,9 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
     def _margin_m(self, track: LiveTrack) -> float | None:
-        """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.
+        """Largest likely displacement of the target in the image by the mount error, known and unknown, metres.
 
-        None for a tentative track: the likelihood ratio of clutter is 1 on average only where every look counts.
+        None for a tentative track, because the likelihood ratio of clutter is 1 on average only if every look counts.
         """
         if not track.confirmed:
             return None
@@ -63,7 +63,7 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
     def _seen(self, track: LiveTrack, fix: GroundFix, llr: float, missed: Absent) -> LiveTrack:
-        """The track after a frame with a fix of it. ``missed``: confirmed tracks whose fix it may be, displaced."""
+        """The track after a frame with a fix for it. ``missed``: confirmed tracks whose displaced fix this may be."""
         if not (track.confirmed or track.branch_of) and missed.may_explain(fix):
             llr = min(llr, 0.0)
         after = track.updated(self.view.host_ns, fix, llr, self.detector)

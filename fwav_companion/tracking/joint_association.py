@@ -1,4 +1,4 @@
-"""The pairs of a frame that are left once the errors that all targets share are known from those beyond doubt."""
+"""Joint gating of a frame: unambiguous pairs show the errors that all targets share, which excludes other pairs."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes
 
 SURE = -6.0
-"""Cost of a pair that shows the common biases although its track coasted: odds of 20 to 1."""
+"""Largest cost of a pair that shows the common biases although its track is not steady: odds of 20 to 1."""
 JOINT_GATE = 13.8
-"""The gate given what other pairs show; 2 degrees of freedom: a true fix lies beyond it once in 1000 times."""
+"""Gate on the normalised innovation squared given the biases that other pairs show, 2 degrees of freedom: a true
+measurement exceeds it once in 1000 times."""
 ROUNDS = 3
-"""Rounds of narrowing gates, at most."""
+"""Maximum number of rounds that narrow the gates."""
 RIVAL = 6.0
-"""Difference of costs below which the second-best pair of a track or a fix is its best one's rival: odds of 20 to 1."""
+"""Cost difference below which the second-best pair of a track or a fix rivals the best one: odds of 20 to 1."""
 MOST_PAIRS = 400
-"""Pairs up to which a frame is gated jointly. Measured: a pair takes 18 us, and flights over thirty targets have 31 at
-most; 256 new targets over 50 by 36 m have a thousand."""
+"""Number of pairs up to which a frame is gated jointly. Measured: a pair takes 18 us. Flights over thirty targets have
+at most 31 pairs; 256 new targets over 50 by 36 m have a thousand."""
 
 
 def doubtful_fixes(costs: Costs, frame: TracksAndFixes) -> set[int]:
-    """The fixes that a track which is not steady may take, and those of pairs with a rival; none unless all tracks have
-    sensitivities to the errors that they share, in which those are linear.
+    """Indices of the fixes in doubt: those of pairs with a rival, and those that a track that is not steady may take.
+
+    There are none unless all tracks have sensitivities to the shared errors, and these errors act linearly.
     """
     if not 2 <= len(costs) <= MOST_PAIRS or frame.nonlinear:
         return set()
@@ -35,9 +37,9 @@ def doubtful_fixes(costs: Costs, frame: TracksAndFixes) -> set[int]:
 
 
 def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate, doubtful: Container[int]) -> Costs:
-    """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
+    """The costs after joint gating: unambiguous pairs exclude other pairs, which makes further pairs unambiguous.
 
-    ``doubtful``: the fixes whose gates are narrowed. A pair that is more likely clutter shows nothing.
+    ``doubtful``: the fixes whose gates are narrowed. A pair that is more likely clutter is not learned.
     """
     candidates = frame.candidates
 
@@ -62,9 +64,9 @@ def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate, doubtfu
 
 
 def learn_decided(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes, joint: JointGate) -> None:
-    """Learn from the pairs of tracks that are not steady, now that all pairs are decided.
+    """Learn from the pairs of tracks that are not steady, after all pairs are decided.
 
-    ``taken``: the fix of each track, by their indices.
+    ``taken``: fix index of each track, by candidate index.
     """
     for i, j in taken.items():
         candidate = frame.candidates[i]
@@ -73,10 +75,10 @@ def learn_decided(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes,
 
 
 def _rivals(costs: Costs, frame: TracksAndFixes) -> set[int]:
-    """The fixes of pairs that are about as likely as another one of the same track or fix.
+    """Indices of the fixes of pairs that are about as likely as another pair of the same track or fix.
 
-    Errors beyond their priors, as of a camera that is late by more than it may be, displace steady tracks too, by as
-    much as targets are apart. Those of a self-calibrated prediction are known.
+    Errors beyond their priors, such as a camera delay larger than its prior allows, displace steady tracks too, by the
+    distance between targets. Self-calibrated predictions are left out, because their errors are known.
     """
     pairs: defaultdict[tuple[str, int], list[tuple[float, int]]] = defaultdict(list)
     for (i, j), cost in costs.items():
@@ -92,7 +94,7 @@ def _rivals(costs: Costs, frame: TracksAndFixes) -> set[int]:
 
 
 def _unambiguous(costs: Costs, candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
-    """The pairs of confirmed tracks without another partner: those of steady ones first, then by their costs."""
+    """The pairs of confirmed tracks without another partner: those of steady tracks first, then by cost."""
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
     alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
     return sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair]))

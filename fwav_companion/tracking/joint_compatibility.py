@@ -1,9 +1,10 @@
 """Joint compatibility: errors that all targets share move all fixes of a frame alike.
 
-Seen from another side, targets are displaced by mount, heading, height and time, farther than they may be from one
-another. A row of them then exchanges its tracks by one place, each pair within its own gate. The displacements of the
-pairs must agree (Neira & Tardos 2001): an innovation is ``D b + noise`` with the biases b in sigmas of their priors,
-and the pairs that are not in doubt show b. The targets are not corrected by it: their filter considers the biases.
+Seen from another side, targets are displaced by errors of mount, heading, height and time, possibly by more than their
+distance from one another. A row of targets then exchanges its tracks by one place, with each pair within its own gate.
+The displacements of the pairs must agree (Neira & Tardos 2001): an innovation is ``D b + noise`` with the biases b in
+sigmas of their priors, and the unambiguous pairs show b. The estimate of b does not correct the targets, because their
+filter considers the biases.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from fwav_companion.types.tracks import GateResult
 MEMORY_S = 20.0
 """Time constant with which the biases return to their priors: an autopilot's heading wanders in tens of seconds."""
 WANDERING = 2
-"""The last ones: how far the vehicle's position has wandered since a target was seen, north and east. The next frame
-begins with their priors."""
+"""Number of wander states, the last two of the biases: how far the vehicle's position has wandered since a target was
+seen, north and east. Each frame begins with their priors."""
 
 
 class CommonBiases(BiasEstimate, frozen=True, gc=False):
-    """The biases as the innovations of all targets show them. Immutable."""
+    """Estimate of the shared biases by the innovations of all targets. Immutable."""
 
     host_ns: HostNs
 
@@ -55,11 +56,11 @@ class JointGate:
     __slots__ = ("_innovations", "_learned", "_now", "biases")
 
     def __init__(self, before: CommonBiases | None) -> None:
-        """``before``: the biases after the frames before; None where nothing is known of them."""
+        """``before``: the biases after the previous frames; None where they are unknown."""
         self.biases = before
-        """The biases that the next frame begins with; None where nothing is known of them.
+        """The biases with which the next frame begins; None where they are unknown.
 
-        A steady track has the same error in many frames: what its pair shows holds for this one.
+        A steady track has the same error in many frames, so its pair counts for the present frame only.
         """
         self._now: CommonBiases | None = None
         self._learned: set[tuple[int, int]] = set()
@@ -67,7 +68,7 @@ class JointGate:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs learned: the gates stay as they are until there is one more."""
+        """Number of pairs learned. The gates do not change until another pair is learned."""
         return len(self._learned)
 
     def gate(self, target: StandingTargetState, fix: GroundFix) -> GateResult:
@@ -76,9 +77,9 @@ class JointGate:
         return self._known(innovation, fix).gate(innovation, fix)
 
     def learn(self, target: StandingTargetState, fix: GroundFix, *, steady: bool) -> None:
-        """Take this pair as not in doubt; the same one counts once.
+        """Update the biases with an unambiguous pair; a repeated pair counts once.
 
-        ``steady``: the pair is beyond doubt, so biases that exclude it are wrong, and are forgotten.
+        ``steady``: the pair is beyond doubt, so biases that exclude it are wrong and return to their priors.
         """
         pair = (id(target), id(fix))
         if pair in self._learned:
@@ -102,7 +103,7 @@ class JointGate:
         return self._innovations[pair]
 
     def _known(self, innovation: SharedInnovation, fix: GroundFix) -> CommonBiases:
-        """The biases by now."""
+        """The biases at the instant of the fix, after the pairs learned so far."""
         if self._now is None:
             host_ns = fix.sighting.frame_host_ns
             if self.biases is None:
@@ -112,5 +113,5 @@ class JointGate:
 
 
 def unknown_biases(count: int, host_ns: HostNs) -> CommonBiases:
-    """Biases of which their priors are known."""
+    """Biases at their priors."""
     return CommonBiases((0.0,) * count, diagonal((1.0,) * count), host_ns)

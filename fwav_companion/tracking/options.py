@@ -14,8 +14,8 @@ class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
     Tracks are confirmed and deleted by a likelihood ratio, target against clutter. Its priors: detection probability
     Beta(3.5, 1.5), 0.7 on average, and false detections in a frame Gamma(0.5, 5), 0.1 on average. The flight updates
     both, the detection probability after 20 looks at confirmed targets. A target is confirmed by three detections or
-    more, at a rate of one false target in ten hours. It is deleted when frames that cover it do not show it: after 15
-    looks in a row at most, at fast frame rates after 3 s; sooner if it was detected a few times only.
+    more, at a rate of one false target in ten hours. It is deleted when frames that cover it do not show it: after at
+    most 15 missed looks in a row, at fast frame rates after 3 s; sooner if it was detected only a few times.
     """
 
     filter: Annotated[

@@ -1,7 +1,8 @@
-"""The costs of the pairs of a frame's tracks and fixes that the gates accept.
+"""Costs of those pairs of a track and a fix of one frame that the gates accept.
 
 The cost of a pair is minus twice the log of its likelihood against clutter and a missed detection. Errors that track
-and fix share cancel in the gate. Labels are kept apart; a detector's own id counts while the fix is not absurdly far.
+and fix share cancel in the gate. Only equal labels form pairs. A pair with the same id by the detector is preferred,
+provided that the fix lies within ID_GATE.
 """
 
 from __future__ import annotations
@@ -25,40 +26,40 @@ Costs: TypeAlias = dict[tuple[int, int], float]
 
 
 class Candidate(msgspec.Struct, frozen=True, gc=False):
-    """A track as association sees it."""
+    """A track as a candidate for the fixes of a frame."""
 
     label: str
     target: TargetState
-    """Predicted to the frame."""
+    """Filter state of the track, predicted to the frame."""
     detector_id: int | None
-    """The detector's id of the track's last fix."""
+    """The detector's id of the last fix that had one."""
     refined: TargetEstimate | None = None
     """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
     confirmed: bool = True
     """Whether the track is confirmed, or the branch of a confirmed one."""
     steady: bool = True
-    """Whether the track is confirmed and was detected in the last frames: its errors are those of this one."""
+    """Whether the track is confirmed and was detected recently, so that its shared errors are those of this frame."""
 
 
 class TracksAndFixes(msgspec.Struct, frozen=True):
-    """Those of a frame, one track at least, all of one filter."""
+    """Tracks and fixes of one frame: at least one track, all with the same filter."""
 
     candidates: Sequence[Candidate]
     fixes: Sequence[GroundFix]
     clutter_llr: Mapping[int, float]
-    """``Clutter.llr_of`` each fix that a track may take, less the odds of its detection, by index."""
+    """``Clutter.llr_of`` plus ``detection_odds`` of each fix that a track may take, by fix index."""
     against: Clutter
 
     @property
     def nonlinear(self) -> bool:
-        """Whether a wing beat displaces each frame's fixes in another way."""
+        """Whether the wing beat displaces the fixes of each frame differently."""
         first = self.candidates[0].target
         return isinstance(first, StandingTargetState) and first.nonlinear
 
     def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
-        """The cost of candidate i with fix j, the lower the better; None outside the gate.
+        """The cost of candidate i with fix j, lower is better; None outside the gate.
 
-        A steady track takes a fix that is more likely clutter, too, where a missed detection is less likely still.
+        A steady track also takes a fix that is more likely clutter, if a missed detection is even less likely.
         """
         detector_id = self.fixes[j].sighting.detection.detector_id
         if detector_id is not None and detector_id == self.candidates[i].detector_id:
@@ -68,7 +69,7 @@ class TracksAndFixes(msgspec.Struct, frozen=True):
         return cost if gated.nis < gate and cost < most else None
 
     def standing(self, i: int) -> StandingTargetState:
-        """The target of candidate i in a frame that is gated jointly: all of them stand."""
+        """The target of candidate i in a jointly gated frame, in which all targets are static."""
         return cast("StandingTargetState", self.candidates[i].target)
 
 
@@ -86,7 +87,8 @@ def _possible(
 ) -> tuple[dict[int, list[int]], dict[int, float]]:
     """The fixes of equal label, in order, that each candidate may take; and the ``clutter_llr`` of those fixes.
 
-    No covariance of an innovation is smaller than the fix's own: beyond ``clutter_llr`` every cost is positive.
+    The covariance of an innovation is never smaller than that of its fix. So the cost is positive wherever the NIS
+    exceeds ``clutter_llr``.
     """
     targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
     for i, candidate in enumerate(candidates):
@@ -117,7 +119,7 @@ def _costs(possible: Mapping[int, Sequence[int]], frame: TracksAndFixes) -> Cost
 
 
 def _refined(costs: Costs, frame: TracksAndFixes) -> Costs:
-    """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
+    """The costs, by the self-calibrated prediction where a track or a fix has more than one partner."""
     if not [candidate for candidate in frame.candidates if candidate.refined is not None]:
         return costs
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Tracker:
-    """Follows targets through frames in the order of their capture, which :class:`Reorder` ensures."""
+    """Tracks targets through frames in capture order, which :class:`Reorder` ensures."""
 
     __slots__ = (
         "_calibrated_by",
@@ -50,13 +50,15 @@ class Tracker:
         calibrating: Tracker | None = None,
         landmarks: LandmarkTracking | None = None,
     ) -> None:
-        """``corrects``: whether the result of self-calibration moves the tracks, or is only reported.
+        """``keep_ns``: time without a detection after which a track is deleted, ns.
 
-        ``patience_ns``: least age of a track that teaches. ``calibrating``: a tracker of the same frames that
-        calibrates in the place of this one. ``landmarks``: corrects the targets in the place of ``target_filter``.
+        ``corrects``: whether self-calibration corrects the tracks, or only reports its result. ``patience_ns``: least
+        age of a track that self-calibration uses, ns. ``calibrating``: a second tracker of the same frames that
+        self-calibrates instead of this one. ``landmarks``: initiates and corrects the targets instead of
+        ``target_filter``.
         """
         self.reports_innovations = False
-        """Whether tracks report innovations, which flying does not use."""
+        """Whether tracks report innovations. A flight does not use them."""
         self._filter = target_filter
         self._keep_ns = keep_ns
         self._corrects = corrects
@@ -78,23 +80,23 @@ class Tracker:
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
-        """What each landmark showed so far."""
+        """The record of each landmark's sights so far."""
         landmarks = self._state.landmarks
         return () if landmarks is None else landmarks.records
 
     @property
     def landmark_altitude(self) -> LandmarkAltitude | None:
-        """The vehicle's altitude against a landmark; None before one was seen often enough."""
+        """The vehicle's altitude relative to a landmark's; None before a landmark was seen often enough."""
         landmarks = self._state.landmarks
         return None if landmarks is None else landmarks.altitude
 
     @property
     def unused_fixes(self) -> Mapping[Reason, int]:
-        """Number of fixes of the newest frame that no reported track has, by reason."""
+        """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
         return self._state.unused_fixes
 
     def _choice(self, vehicle: VehicleState | None = None) -> TargetChoice:
-        """How the present state reports its targets. ``vehicle``: its report at this instant."""
+        """The rule by which targets are reported now. ``vehicle``: the vehicle's report at this instant."""
         state = self._state
         shown = state.landmarks is not None and state.landmarks.shows
         return TargetChoice(
@@ -102,7 +104,7 @@ class Tracker:
         )
 
     def snapshot(self) -> Snapshot:
-        """The present state, to return to."""
+        """The present state, for :meth:`restore`."""
         if self._calibrating is None:
             return self._state
         return msgspec.structs.replace(self._state, calibrating=self._calibrating.snapshot())
@@ -114,7 +116,7 @@ class Tracker:
             self._calibrating.restore(snapshot.calibrating)
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
-        """All tracks after this frame, by id; a track that the frame deleted is among them once."""
+        """All tracks after this frame, by id. A track that this frame deleted is included once."""
         if self._calibrating is not None:
             self._calibrating.on_frame(view)
         if self._state.calibrator is not None:
@@ -158,7 +160,7 @@ class Tracker:
         view: FrameView,
         landmarks: LandmarkTracking | None,
     ) -> Begun:
-        """The tracks with those that begin by the fixes that no track has. ``predicted``: those before the frame."""
+        """The tracks and those initiated from fixes that no track took. ``predicted``: the tracks before the frame."""
         left = found.unused(view.fixes)
         free = without_strays(left, predicted, found.taken, view.host_ns)
         target_of = self._filter.initiate if landmarks is None else landmarks.initiate
@@ -168,7 +170,7 @@ class Tracker:
         return msgspec.structs.replace(begun, strays=len(left) - len(free))
 
     def _predicted(self, view: FrameView, landmarks: LandmarkTracking | None) -> list[LiveTrack]:
-        """The live tracks at the instant of a frame, before it."""
+        """The live tracks, predicted to the instant of a frame."""
         predicted = []
         for track in self._state.alive:
             target = (opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns)
@@ -183,7 +185,7 @@ class Tracker:
         return None if calibrator is None else calibrator.due_ns
 
     def catch_up(self, now_ns: HostNs) -> None:
-        """Let self-calibration take the fixes that are due, between frames that come seldom."""
+        """Let self-calibration process its due fixes while no frame comes."""
         if self._calibrating is not None:
             self._calibrating.catch_up(now_ns)
         calibrator, living = self._state.calibrator, self._state.alive
@@ -192,7 +194,7 @@ class Tracker:
             self._state = msgspec.structs.replace(self._state, calibrator=caught_up)
 
     def _teachers(self, living: Sequence[LiveTrack], now_ns: HostNs) -> list[LiveTrack]:
-        """The tracks that teach self-calibration."""
+        """The tracks that self-calibration uses."""
         return [t for t in living if t.confirmed and now_ns - t.life.first_ns >= self._patience_ns]
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
@@ -208,10 +210,10 @@ class Tracker:
         return reported
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
-        """Self-calibration after this frame; None without it.
+        """Self-calibration after this frame; None without self-calibration.
 
-        Confirmed tracks teach: clutter does not. Nor do targets of a height that is not exactly known: the joint
-        estimate has one error of the height for all.
+        It uses confirmed tracks only, because others may be clutter. It does not use targets whose height is not
+        exactly known, because the joint estimate has one height error for all targets.
         """
         calibrator = self._state.calibrator
         if calibrator is None:
@@ -223,7 +225,7 @@ class Tracker:
 
 
 def _calibration_predicted(state: Snapshot, calibrator: Calibrator, view: FrameView) -> Snapshot:
-    """The state with self-calibration at the instant of a frame, before it."""
+    """The state with self-calibration predicted to the instant of a frame."""
     predicted = calibrator.predicted(view.host_ns)
     predicted.expect(view.fixes)
     return msgspec.structs.replace(state, calibrator=predicted)
@@ -232,6 +234,6 @@ def _calibration_predicted(state: Snapshot, calibrator: Calibrator, view: FrameV
 def _by_landmarks(
     tracks: Sequence[LiveTrack], view: FrameView, landmarks: LandmarkTracking
 ) -> tuple[list[LiveTrack], LandmarkTracking]:
-    """The tracks of a frame corrected by what landmarks show, and the landmarks after it."""
+    """The tracks of a frame, corrected by its sights of landmarks, and the landmarks after that frame."""
     after = landmarks.tracked(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
     return [msgspec.structs.replace(track, target=after.corrected(track.target)) for track in tracks], after
