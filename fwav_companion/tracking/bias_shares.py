@@ -1,4 +1,4 @@
-"""What limits a target: the horizontal variance that it would lose if one cause of its error were exactly known."""
+"""Error budget of a target: the horizontal variance that it would lose if one cause of error were exactly known."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BY_BIAS: Final[Mapping[Bias, str]] = {
 
 
 def bias_shares(target: TargetEstimate, priors: ErrorPriors) -> dict[str, float]:
-    """Horizontal variance of a target by cause, m^2; empty for a filter that keeps no biases apart."""
+    """Horizontal variance of a target by cause, m^2; empty for a filter without separate biases."""
     match target:
         case CalibratedTargetState(calibrator=calibrator, track=track):
             return _without_attitude(calibrator.bias_shares(track), priors)
@@ -49,7 +49,7 @@ def _summed(by_bias: Mapping[Bias, float]) -> dict[str, float]:
 
 
 def _without_attitude(shares: dict[str, float], priors: ErrorPriors) -> dict[str, float]:
-    """The shares with that of the attitude apart: the joint estimate takes roll and pitch for a part of the mount."""
+    """The shares with attitude split off mount: the joint estimate counts roll and pitch errors as mount errors."""
     attitude, mount = priors.sigma(Bias.PITCH) ** 2, priors.sigma(Bias.MOUNT_Y) ** 2
     if "mount" not in shares or attitude + mount == 0.0:
         return shares

@@ -1,8 +1,8 @@
 """Detection probability and clutter density of the detector: priors that the flight updates.
 
 Both are conjugate: the detection probability has a Beta prior, the number of false detections in a frame a Gamma prior.
-The priors alone count until the flight has FIRST_LOOKS looks or frames. The threshold of confirmation follows from a
-rate of false tracks that is acceptable (Blackman & Popoli 1999, ch. 6).
+The priors alone count until the flight has FIRST_LOOKS looks or frames. The threshold of confirmation follows from an
+acceptable rate of false tracks (Blackman & Popoli 1999, ch. 6).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ DETECTED_PRIOR, MISSED_PRIOR = 3.5, 1.5
 FALSE_PRIOR, FRAMES_PRIOR = 0.5, 5.0
 """Gamma prior of the false detections in a frame: one in ten frames on average, worth five frames."""
 FIRST_LOOKS = 20
-"""Looks, and frames, from which the flight updates the priors."""
+"""Number of looks, and of frames, from which the flight updates the priors."""
 MEMORY = 1000.0
-"""Looks, and frames, beyond which older ones count half: a detector changes with light and height."""
+"""Number of looks, and of frames, beyond which older ones count half: a detector changes with light and height."""
 
 MOST_PROBABLE, LEAST_PROBABLE = 0.95, 0.05
-"""Bounds of the detection probability: one miss in twenty has a cause that the looks do not share, as an occlusion."""
+"""Bounds of the detection probability: one miss in twenty has a cause that looks do not share, such as occlusion."""
 LEAST_FALSE = 0.03
 """Lower bound of the false detections in a frame: a detector that was clean for a minute may still fail."""
 
@@ -36,20 +36,20 @@ FIRST_INTERVAL_S = 1.0 / 30.0
 
 
 class DetectorModel(msgspec.Struct, frozen=True, gc=False):
-    """What this flight has shown of the detector by now. Immutable."""
+    """Detection statistics of this flight so far. Immutable."""
 
     detected: float = 0.0
-    """Looks at confirmed tracks with a detection."""
+    """Number of looks at confirmed tracks with a detection."""
     looks: float = 0.0
-    """Looks at confirmed tracks; misses count once the track is detected again, so targets that left do not count."""
+    """Number of looks at confirmed tracks. Misses count once the track is detected again: targets that left do not."""
     false: float = 0.0
-    """False detections: expected number of them among the fixes of tracks that were deleted and never confirmed."""
+    """Expected number of false detections among the fixes of tracks that were deleted and never confirmed."""
     undecided: float = 0.0
     """Expected number of false detections among the fixes of the tracks that are tentative now."""
     frames: float = 0.0
-    """Frames."""
+    """Number of frames."""
     seconds: float = 0.0
-    """Time of those frames, seconds."""
+    """Total time of those frames, seconds."""
     last_ns: HostNs | None = None
     """Capture of the newest frame, host clock."""
     detection_probability: float = DETECTED_PRIOR / (DETECTED_PRIOR + MISSED_PRIOR)
@@ -83,7 +83,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def false_per_frame(self) -> float:
-        """Mean number of false detections in a frame; in the first frames it may only exceed the prior's."""
+        """Mean number of false detections in a frame; at least the prior's mean in the first frames."""
         least = LEAST_FALSE if self.frames >= FIRST_LOOKS else FALSE_PRIOR / FRAMES_PRIOR
         return max(least, (FALSE_PRIOR + self.false + self.undecided) / (FRAMES_PRIOR + self.frames))
 
@@ -94,22 +94,22 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def confirming_llr(self) -> float:
-        """The threshold of confirmation of a track's log-likelihood ratio.
+        """Threshold of the track score for confirmation.
 
-        A chain of clutter exceeds ``t`` at any time with a probability of at most exp(-t), so the rate of false tracks
-        is at most that of false detections times exp(-t).
+        The score of a chain of clutter ever exceeds ``t`` with a probability of at most exp(-t). So the rate of false
+        tracks is at most the rate of false detections times exp(-t).
         """
         false_per_hour = 3600.0 * self.frames_hz * self.false_per_frame
         return max(LEAST_CONFIRMING_LLR, log(false_per_hour / FALSE_TRACKS_PER_HOUR))
 
 
 def false_share(log_likelihood_ratio: float) -> float:
-    """The probability that a track of this score is of clutter, where a new one is as likely a target."""
+    """Probability that a track with this score is clutter, if a new track is equally likely a target or clutter."""
     return 1.0 / (1.0 + exp(log_likelihood_ratio))
 
 
 def _detection_probability(detected: float, looks: float) -> float:
-    """Mean of the posterior; that of the prior before FIRST_LOOKS looks."""
+    """Posterior mean of the detection probability, within its bounds; prior mean before FIRST_LOOKS looks."""
     if looks < FIRST_LOOKS:
         detected, looks = 0.0, 0.0
     mean = (DETECTED_PRIOR + detected) / (DETECTED_PRIOR + MISSED_PRIOR + looks)

@@ -1,4 +1,4 @@
-"""The tracker that a configuration asks for."""
+"""Construction of the tracker that a configuration selects."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 
 KEEP_STATIC_NS = 300 * NS_PER_S
-"""What stood is looked for where it stood, five minutes long: several rounds of any survey."""
+"""Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
 KEEP_MOVING_NS = 10 * NS_PER_S
-"""What moved can be anywhere within 15 m after that."""
+"""The same for a moving target, ns: it can be anywhere within 15 m after that."""
 PATIENCE_NS = 10 * NS_PER_S
-"""Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
-delay and mount are not known yet: who walks left it within seconds."""
+"""Where targets may move: least time within the gate of a static target before self-calibration uses a target, ns. The
+gate is a metre or two wide, as delay and mount are not known yet: a person who walks leaves it within seconds."""
 
 PREDICTED_NS = 20 * NS_PER_S
-"""Time over which a mount must predict the sights where targets may move: a person who walks is 30 m away by then."""
+"""Where targets may move: time over which a mount must predict sights, ns. A walking person is 30 m away by then."""
 
 
 def make_tracker(
@@ -40,7 +40,7 @@ def make_tracker(
     *,
     landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
-    """The tracker that [tracking] asks for.
+    """The tracker that [tracking] selects.
 
     ``state_at`` returns the vehicle's state at an instant of the last second or so; self-calibration finds a large
     time offset only with it. ``kept``: a calibration of an earlier flight with this camera.
@@ -57,7 +57,7 @@ def make_tracker(
         return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, landmarks=corrected)
     if calibrator is None:
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
-    # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
+    # A second tracker treats all targets as static: only a target known to be where it was can calibrate.
     calibrating = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=calibrating)
 
@@ -70,7 +70,7 @@ def tracker_with(
     *,
     self_calibration: bool = False,
 ) -> Tracker:
-    """A tracker by a filter that stays as it is, be it the paper's or one of the user's own.
+    """A tracker with a filter that self-calibration does not correct: the paper's or a user's own.
 
     Self-calibration then runs in parallel: its values are reported and not applied.
     """
@@ -81,7 +81,7 @@ def tracker_with(
 def _landmark_tracking(
     priors: ErrorPriors, landmarks: Sequence[Landmark], state_at: StateAt | None
 ) -> LandmarkTracking:
-    """The start of landmarks. They need numpy, as self-calibration does."""
+    """Landmarks before the first frame. They need numpy, as self-calibration does."""
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
     from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 
@@ -91,7 +91,7 @@ def _landmark_tracking(
 def _calibrator(
     priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None, predicted_ns: int | None = None
 ) -> Calibrator:
-    """The start of self-calibration. It needs numpy, which nothing else that flies loads."""
+    """Self-calibration before the first frame. It needs numpy, which is otherwise not loaded in flight."""
     from fwav_companion.self_calibration.calibration_context import CalibrationContext
     from fwav_companion.self_calibration.calibrator import Calibrator
     from fwav_companion.self_calibration.mount_check import MountCheck

@@ -1,6 +1,6 @@
-"""Life of a track: tentative, confirmed, coasting, dropped, and the reason.
+"""Life cycle of a track: tentative, confirmed, coasting, dropped, and the reason of its deletion.
 
-The track score is a log-likelihood ratio, target against clutter, by a sequential test (Blackman & Popoli 1999, ch. 6).
+The track score is a log-likelihood ratio, target against clutter, in a sequential test (Blackman & Popoli 1999, ch. 6).
 A detection adds the likelihood ratio of its fix, a missed detection log(1 - detection probability). Only frames that
 could have seen the target are looks; time without a look changes nothing. Missed looks at a confirmed track within
 LOOK_S count as one, and 15 of them delete any track.
@@ -17,30 +17,31 @@ from fwav_companion.tracking.detector_model import MOST_PROBABLE, DetectorModel
 from fwav_companion.types import Reason, TrackState
 
 LEAST_DETECTIONS = 3
-"""Detections of a confirmed track, at least: two false ones may come from one cause."""
+"""Minimum number of detections of a confirmed track: two false detections may have one cause."""
 DELETED_LLR = -4.6
-"""Score at which a track is deleted: log(0.01). At a detection probability of 0.7 a single detection ends after four
-missed ones."""
+"""Score at which a track is deleted: log(0.01). At a detection probability of 0.7, four missed detections delete a
+track with a single detection."""
 KEPT_LOOKS = 14.5
-"""Missed looks in a row after which one more deletes a track that was detected often; at fast frame rates 3 s."""
+"""Missed looks in a row after which one more deletes a track that was detected often; at fast frame rates, 3 s."""
 LOOK_S = 0.2
-"""Time of one independent look at a confirmed track, seconds: a wing beat of 5 Hz. What hides a target in one frame,
-as motion blur, hides it in the next."""
+"""Duration of one independent look at a confirmed track, seconds: a wing beat of 5 Hz. A cause that hides a target in
+one frame, such as motion blur, also hides it in the next."""
 MOVING_LOOK_S = 0.4
-"""The same of a target that moves: a house or a tree that hides it for a moment hides it for seconds."""
+"""The same for a moving target: a house or a tree hides it for seconds, not for a moment."""
 PRIOR_LOOKS = 10.0
-"""Looks that the flight's detection probability is worth for a single track: a far target is detected less often."""
+"""Weight of the flight's detection probability for a single track, looks: a far target is detected less often."""
 
 TENTATIVE_FRAMES = 30
 TENTATIVE_S = 2.0
-"""Longest time without detection of a tentative track out of view: 30 frames, at fast frame rates those of 2 s."""
+"""Longest time without a detection of a tentative track out of view: 30 frames, or 2 s where that is longer."""
 
 COASTING_AFTER_NS = 250 * NS_PER_MS
-"""Longer than a detector's usual gaps, shorter than a person takes to notice."""
+"""Time without a detection after which a confirmed track coasts, ns: longer than a detector's usual gaps, shorter than
+a person takes to notice."""
 
 
 class Life(msgspec.Struct, frozen=True, gc=False):
-    """Life of one track until now. Immutable."""
+    """Life-cycle state of one track. Immutable."""
 
     state: TrackState
     first_ns: HostNs
@@ -50,11 +51,11 @@ class Life(msgspec.Struct, frozen=True, gc=False):
     log_likelihood_ratio: float = 0.0
     """Track score: target against clutter."""
     detections: int = 1
-    """Frames that detected it."""
+    """Number of frames that detected the track."""
     looks: int = 1
-    """Frames that detected it, or could have."""
+    """Number of frames that detected the track, or could have."""
     misses: int = 0
-    """Missed detections in a row."""
+    """Number of missed detections in a row."""
     confirmed_ns: HostNs | None = None
     """Capture of the frame that confirmed it, host clock; None while tentative."""
     reason: Reason | None = None
@@ -77,7 +78,7 @@ def initiated(host_ns: HostNs) -> Life:
 
 
 def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector: DetectorModel) -> Life:
-    """The life after a detection. ``log_likelihood_ratio``: of its fix, target against clutter."""
+    """The life of a track after a detection. ``log_likelihood_ratio``: that of its fix, target against clutter."""
     probability = _detection_probability(life, detector)
     detections, llr = life.detections + 1, life.log_likelihood_ratio + log_likelihood_ratio + log(probability)
     confirmed_ns = life.confirmed_ns
@@ -99,9 +100,9 @@ def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector:
 def not_detected(
     life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, detector: DetectorModel, look_s: float = LOOK_S
 ) -> Life:
-    """The life after a frame without a fix of it; ``missed``: the frame could have seen it.
+    """The life of a track after a frame without a fix for it. ``missed``: whether the frame could have seen the target.
 
-    ``keep_ns``: time without detection after which a track is deleted, however few looks there were.
+    ``keep_ns``: time without a detection after which a track is deleted, regardless of the number of looks.
     """
     llr, misses = life.log_likelihood_ratio, life.misses
     if missed:
@@ -125,7 +126,7 @@ def not_detected(
 def continued(life: Life, branch: Life) -> Life:
     """The life of a coasting track after its branch was confirmed (``reacquisition``): the evidence of both.
 
-    The looks of the branch are among those of the track, as missed ones.
+    The track has already counted the looks of the branch, as missed ones.
     """
     return msgspec.structs.replace(
         branch,
@@ -138,7 +139,7 @@ def continued(life: Life, branch: Life) -> Life:
 
 
 def deleted(life: Life, reason: Reason) -> Life:
-    """The life ended by a reason from outside."""
+    """The life of a track that is deleted for the given reason."""
     return msgspec.structs.replace(life, state=TrackState.DROPPED, reason=reason)
 
 

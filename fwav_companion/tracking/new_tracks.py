@@ -1,4 +1,4 @@
-"""Tracks that begin, and the room for them."""
+"""Initiation of tracks from fixes that no track took, and the limit on the number of tracks."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from fwav_companion.tracking.track_state import LiveTrack, initiate
 from fwav_companion.types import GroundFix, Reason, TrackState
 
 MAX_TRACKS = 200
-"""Live tracks at once. A frame has 256 detections at most."""
+"""Maximum number of live tracks. A frame has at most 256 detections."""
 
 
 class Begun(msgspec.Struct, frozen=True):
-    """The tracks after a frame with those that it began, and its fixes that began none."""
+    """The tracks after a frame, initiated ones included, and the number of its fixes that initiated none."""
 
     tracks: Sequence[LiveTrack]
     next_id: int
     refused: int = 0
-    """Fixes that found the table full."""
+    """Number of fixes for which the track table had no room."""
     strays: int = 0
-    """Fixes in the gate of a steady track (``without_strays``)."""
+    """Number of fixes in the gate of a steady track (``without_strays``)."""
 
 
 def with_new(
@@ -39,7 +39,7 @@ def with_new(
     branchings: reacquisition.Branchings,
     detector: DetectorModel,
 ) -> Begun:
-    """The tracks with one initiated for each of these fixes that the table has room for."""
+    """The tracks, and one initiated from each of these fixes for which the track table has room."""
     tracks, next_id = list(before.tracks), before.next_id
     room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
     yielding = weakest_first(tracks) if len(fixes) > room else []
@@ -60,11 +60,11 @@ def with_new(
 def without_strays(
     fixes: Sequence[GroundFix], tracks: Sequence[LiveTrack], taken: Container[int], host_ns: HostNs
 ) -> list[GroundFix]:
-    """The fixes but those in the gate of a steady track without a fix in this frame: they are no evidence of another.
+    """The fixes that are not in the gate of a steady track without a fix in this frame.
 
-    Association refuses such a fix where a false detection and a missed target are likelier. A track initiated with it
-    would share its error, as one of a height that several frames repeat, and take the next fixes of the same target
-    from the confirmed track.
+    A fix in such a gate is not evidence of another target. Association refuses it where a false detection and a missed
+    target are likelier. A track initiated with it would share its error, such as a height error that several frames
+    repeat, and would take the next fixes of the same target from the confirmed track.
     ``taken``: ids of the tracks with a fix.
     """
     waiting = [track for track in tracks if track.id not in taken and is_steady(track.life, host_ns)]
@@ -78,9 +78,9 @@ def _gates(track: LiveTrack, fix: GroundFix) -> bool:
 
 
 def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
-    """Places of the tracks without a fix in this frame that yield to a new one, in that order.
+    """Indices of the tracks without a fix in this frame that may be deleted for new tracks, in order of deletion.
 
-    Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
+    Tentative tracks come first, by their score; then coasting tracks, the longest unseen first, so that tracks out of
     view do not keep new targets out.
     """
     lives = {i: track.life for i, track in enumerate(tracks) if track.fix is None}
@@ -91,7 +91,7 @@ def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
 
 
 def unused_fixes(tracks: Sequence[LiveTrack], begun: Begun) -> dict[Reason, int]:
-    """Number of fixes of a frame that no reported track has, by reason. ``tracks``: those after the frame."""
+    """Number of fixes of a frame that are assigned to no reported track, by reason. ``tracks``: after the frame."""
     weak = begun.strays + sum([track.id < 0 and track.fix is not None for track in tracks])
     if not (weak or begun.refused):
         return {}

@@ -1,8 +1,8 @@
-"""Frames put in at their own capture time, and lines that are written once.
+"""Reordering of frames by capture time, with one final line of output for each frame.
 
-Frames may come late and out of order. Each is put in where it was captured: the tracker goes back to its state before
-that instant and takes the later frames again, so that a late frame leaves exactly what it would have left in time.
-Half a second after its capture a frame's line is settled; a frame that is later than that is refused.
+Frames may come late and out of order. Each frame is inserted at its capture time: the tracker returns to its state
+before that instant and processes the later frames again. So a late frame has exactly the effect that it would have had
+in time. Half a second after its capture the line of a frame is settled; a frame that comes later than that is refused.
 """
 
 from __future__ import annotations
@@ -19,50 +19,50 @@ from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
 MAX_WAITING = 128
-"""Half a second of the fastest camera a small board can read (240 frames/s)."""
+"""Maximum number of frames in the window: half a second of the fastest camera a small board can read (240 frames/s)."""
 
 
 class Settled(msgspec.Struct, frozen=True):
-    """A frame whose line may be written."""
+    """A frame with its final tracks: its line may be written."""
 
     view: FrameView
     tracks: tuple[Track, ...]
     unused_fixes: Mapping[Reason, int] = {}
-    """Fixes that no reported track has, by reason."""
+    """Number of fixes that are assigned to no reported track, by reason."""
 
 
 class _Placed(msgspec.Struct):
     """A frame inside the window."""
 
     host_ns: HostNs
-    """Capture."""
+    """Capture, host clock."""
     before: Snapshot
-    """The tracker before this frame."""
+    """State of the tracker before this frame."""
     after: Settled
-    """Its line, should no earlier frame come."""
+    """The line of this frame, final if no earlier frame comes."""
 
 
 class Reorder:
-    """The window of half a second before the tracker."""
+    """A window of half a second that puts frames in capture order for the tracker."""
 
     __slots__ = ("_placed", "_settled", "_settled_to_ns", "tracker")
 
     def __init__(self, tracker: Tracker) -> None:
         self.tracker = tracker
         self._placed: list[_Placed] = []
-        """By capture; equal captures in the order of their coming."""
+        """Frames in the window by capture; equal captures in the order of arrival."""
         self._settled: list[Settled] = []
         self._settled_to_ns: HostNs | None = None
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When the next line settles."""
+        """Instant at which the next line settles; None without a waiting frame."""
         if self._settled:
             return self._settled[0].view.host_ns
         return HostNs(self._placed[0].host_ns + WINDOW_NS) if self._placed else None
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
-        """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""
+        """The tracks at the newest capture, after all frames so far; or the reason why the frame is refused."""
         self._settle(now_ns)
         refusal = self._refusal(view, now_ns)
         if refusal is not None:
@@ -85,7 +85,7 @@ class Reorder:
         return settled
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
-        """End every track and settle what waits: what was before is over, and nothing can be put into it."""
+        """Delete every track and settle all waiting frames. No earlier frame can be inserted after that."""
         self._settled.extend(placed.after for placed in self._placed)
         self._placed = []
         self._settled_to_ns = max(view.host_ns, self._settled_to_ns or view.host_ns)

@@ -1,6 +1,6 @@
 """A track's target as it is reported: by its own filter or by the joint estimate of self-calibration.
 
-While the mount is known to be wrong, it is in doubt.
+While the mount is known to be wrong, reports have a larger covariance (``misplaced``).
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ if TYPE_CHECKING:
 
 
 class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
-    """A track as the joint estimate sees it, heights by its own filter."""
+    """A target by the joint estimate of self-calibration; its height is by its own filter."""
 
     calibrator: Calibrator
     track: int
     placed: CalibratedPlace
     own: TargetState
     by_fix: CalibratedFix | None = None
-    """The target by its fix of this frame, where that is better: it has error and delay of the vehicle's report."""
+    """The target by its fix of this frame, where that is better: a fix has error and delay of the vehicle's report."""
     vehicle: VehicleState | None = None
-    """The vehicle's report at a frame without a fix of it."""
+    """The vehicle's report at a frame without a fix of this target."""
     velocity_ned: ClassVar[None] = None
     velocity_cov: ClassVar[None] = None
 
     @property
     def position_ned(self) -> Vector3:
-        """Metres."""
+        """Position in NED, metres."""
         return (self.placed.north, self.placed.east, self.own.position_ned[2])
 
     @property
     def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED."""
+        """Covariance of the position by every source of error, NED, m^2."""
         return _level(self.placed.cov, self._down_variance)
 
     @property
     def apparent_ned(self) -> Vector3:
-        """The target relative to the vehicle's report."""
+        """Position in the frame of the vehicle's report, NED, metres."""
         place, in_report = self.placed, self._in_report
         if in_report is not None:
             return (in_report.north, in_report.east, self.position_ned[2])
@@ -78,18 +78,18 @@ class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
         return self.own.cov[2][2]
 
     def gate(self, fix: GroundFix) -> GateResult:
-        """Gating statistics of a fix, with what calibration knows by now."""
+        """Gating statistics of a fix by the joint estimate; by the own filter where the joint estimate has none."""
         seen = self.calibrator.gate(self.track, fix)
         return self.own.gate(fix) if seen is None else seen
 
     def separation2(self, other: int) -> float:
-        """Squared distance to another track's target over its own covariance, 2 degrees of freedom; inf: not known."""
+        """Squared Mahalanobis distance to the target of another track, 2 degrees of freedom; inf where unknown."""
         served = self.calibrator.passes.served
         return inf if served is None else served.best.separation2(self.track, other)
 
 
 def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> Symmetric2:
-    """Covariance of an apparent place relative to the vehicle, horizontal, m^2: with noise and delay of its report."""
+    """Horizontal covariance of an apparent place relative to the vehicle, m^2, with noise and delay of its report."""
     noise, (nn, ne, ee) = calibrator.context.priors.position_noise_m**2, placed.relative_cov
     if isinstance(own, StandingTargetState) and calibrator.assessment is not None and own.late:
         sigma_s = float(calibrator.context.sigmas[SharedParameter.POSITION_DELAY])
@@ -99,19 +99,19 @@ def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState)
 
 
 class TargetChoice(msgspec.Struct, frozen=True):
-    """The choice between both estimates, at one instant."""
+    """The choice between the joint estimate and the tracks' own filters, at one instant."""
 
     calibrator: Calibrator | None
     """None without self-calibration."""
     corrects: Calibrator | None
-    """The same where it may correct the tracks."""
+    """The same where it may correct the tracks, otherwise None."""
     landmarks_show: bool
     """Whether landmarks corrected the tracks' own filters."""
     vehicle: VehicleState | None = None
     """The vehicle's report at this instant; None where it is not known."""
 
     def calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
-        """The target by the joint estimate, where that holds it and may correct it."""
+        """The target by the joint estimate; None where that does not hold the target or may not correct it."""
         calibrator = self.corrects
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
@@ -125,10 +125,10 @@ class TargetChoice(msgspec.Struct, frozen=True):
     def target(self, track: LiveTrack) -> TargetEstimate:
         """The target by the joint estimate where that answers (``CalibrationState.answers``), else by its own filter.
 
-        Their covariances are not compared: before the delay is known, the joint estimate weighs fixes by their noise
-        alone; after it, a filter rests on the priors of delay and mount, and its covariance may shrink below that of
-        the joint estimate. A filter that rests on a prior which the flight contradicts is not used. What landmarks show
-        is compared: both claims then rest on the flight.
+        The two covariances are not compared. Before the delay is known, the joint estimate weighs fixes by their noise
+        alone. After that, the own filter rests on the priors of delay and mount, and its covariance may shrink below
+        that of the joint estimate. A filter that rests on a prior which the flight contradicts is not used. Where
+        landmarks corrected the own filter, the covariances are compared, because both then rest on the flight.
         """
         calibrator = self.calibrator
         if calibrator is None or not calibrator.answers:
@@ -149,7 +149,7 @@ class TargetChoice(msgspec.Struct, frozen=True):
 
 
 def misplaced(report: Track, sigma_m: float) -> Track:
-    """The report while the mount is known to be wrong: wider by its effect, without a fix, and without a velocity.
+    """The report while the mount is known to be wrong: with a larger covariance, without a fix and without a velocity.
 
     A wrong mount shifts the place, and turns as it shifts. ``sigma_m``: one sigma an axis, horizontal.
     """

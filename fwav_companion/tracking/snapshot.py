@@ -28,14 +28,14 @@ class Snapshot(msgspec.Struct, frozen=True):
     calibrator: Calibrator | None = None
     """None without self-calibration."""
     calibrating: Snapshot | None = None
-    """State of the tracker that calibrates in the place of this one, where it is to return to."""
+    """State of the tracker that self-calibrates instead of this one, for a return to this state."""
     merging: TrackMerging = TrackMerging()
     detector: DetectorModel = DetectorModel()
     unused_fixes: Mapping[Reason, int] = {}
-    """Fixes of the newest frame that no reported track has, by reason."""
+    """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
     landmarks: LandmarkTracking | None = None
     """None without landmarks."""
     wander: WanderEvidence | None = None
-    """How the vehicle's position wanders; None before the first target showed it."""
+    """Evidence of how the vehicle's position wanders; None before the first target showed any."""
     biases: CommonBiases | None = None
-    """What the innovations of all targets show of the errors that they share; None before that."""
+    """Shared errors estimated by the innovations of all targets; None before any innovation was learned."""

@@ -1,10 +1,10 @@
-"""Merging of two tracks of one target: they take its fixes in turns, and no frame has a fix of both.
+"""Merging of two tracks of one target, which take its fixes in turns: no frame has a fix for both.
 
-Such pairs form in the first seconds, while gates are wide. Each track then takes the fixes nearer to itself, so their
-estimates stay apart, farther than their claims allow, and no distance shows that they are one target. Fast alternation
-does: of two targets with occasional missed detections some frame shows both, and a hidden one is missed for longer.
-Where self-calibration then puts both on one place, slow alternation suffices: one took the fixes of one leg of the
-flight, the other those of the next.
+Such pairs form in the first seconds, while gates are wide. Each track then takes the fixes nearer to itself. So their
+estimates stay farther apart than their covariances allow, and no distance shows that they are one target. Fast
+alternation shows it: if there were two targets with occasional missed detections, some frame would show both, and a
+hidden target would be missed for longer. Slow alternation suffices if self-calibration then puts both tracks on one
+place: one track took the fixes of one leg of the flight, the other those of the next.
 """
 
 from __future__ import annotations
@@ -24,28 +24,29 @@ from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import GroundFix, TrackState
 
 TURNS = 60
-"""Looks with a fix of one of the two, since one with fixes of both. By a detector that misses seven in ten, every sixth
-look that shows one shows both: 60 pass without once in 100 000 times."""
+"""Number of looks with a fix for one of the two tracks, since a look with fixes for both. With a detector that misses
+seven in ten, every sixth look that shows one of two targets shows both: 60 looks without that occur once in 100 000
+times."""
 FAST = 3
-"""Missed detections in a row: a longer turn speaks against alternation. The missed target then hides, or left."""
+"""Most missed detections in a row in a fast turn. After a longer turn the missed target is hidden or has left."""
 LOOK_NS = round(LOOK_S * NS_PER_S)
-"""Longest time that one look counts."""
+"""Longest time that one look counts, ns."""
 ALTERNATING_NS = 3 * NS_PER_S
-"""Looking time of the turns: a target that left is deleted within it."""
+"""Least looking time of the turns, ns: a target that left is deleted within it."""
 
 
 class AlternatingFixes(msgspec.Struct, frozen=True, gc=False):
-    """Looks with a fix of one of two tracks that the other's gate accepts, since a look with fixes of both."""
+    """Looks with a fix for one of two tracks that the other track's gate accepts, since a look with fixes for both."""
 
     count: int = 0
-    """Looks in fast turns, less those in slow ones."""
+    """Number of looks in fast turns, less those in slow turns."""
     looked_ns: int = 0
-    """Looking time of those in fast turns."""
+    """Looking time in fast turns, ns."""
     looks: int = 0
-    """All of these looks, in fast and in slow turns."""
+    """Number of all these looks, in fast and in slow turns."""
 
     def with_look(self, looked_ns: int, *, fast: bool) -> AlternatingFixes:
-        """The count after one more look. Slow turns that outweigh the fast ones reset it."""
+        """The counts after one more look. Slow turns that outweigh the fast ones reset count and looking time."""
         looks = self.looks + 1
         if fast:
             return AlternatingFixes(self.count + 1, self.looked_ns + looked_ns, looks)
@@ -53,7 +54,9 @@ class AlternatingFixes(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def are_one(self) -> bool:
-        """Whether they alternated as often as two targets never do, and for as long as a target that left is kept."""
+        """Whether both are of one target: they alternated too often for two targets, and for as long as the track of a
+        target that left is kept.
+        """
         return self.count >= TURNS and self.looked_ns >= ALTERNATING_NS
 
 
@@ -61,7 +64,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
     """Pairs of confirmed tracks that alternate. Immutable."""
 
     pairs: dict[tuple[int, int], AlternatingFixes] = {}
-    """By the ids of senior and junior."""
+    """Alternation of each pair, by the ids of its senior and junior track."""
 
     def after_frame(
         self,
@@ -70,7 +73,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
         elapsed_ns: int,
         target_of: Callable[[LiveTrack], TargetEstimate],
     ) -> TrackMerging:
-        """The pairs after a frame. ``missed``: ids of the tracks that it missed; ``elapsed_ns``: since the last one."""
+        """The pairs after a frame. ``missed``: ids of the tracks that it missed. ``elapsed_ns``: frame interval."""
         if not missed and not self.pairs:
             return self
         found = {track.id for track in tracks if track.fix is not None}
@@ -91,7 +94,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
     def merged(
         self, tracks: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate]
     ) -> Sequence[LiveTrack]:
-        """The tracks, juniors deleted whose senior has a fix in this frame, so that no fix is lost with them."""
+        """The tracks after merging. A junior ends only in a frame with a fix for its senior, so that no fix is lost."""
         if not self.pairs:
             return tracks
         by_id = {track.id: track for track in tracks}
@@ -105,7 +108,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
 
 
 def seniority(track: LiveTrack) -> tuple[int, int]:
-    """Sort key of confirmed tracks: the one confirmed first is first."""
+    """Sort key of confirmed tracks: the track confirmed first comes first."""
     return (track.life.confirmed_ns or 0, track.id)
 
 
@@ -119,10 +122,10 @@ def _substitutes(
 
 
 def _coincide(one: TargetEstimate, other: TargetEstimate, fix: GroundFix) -> bool:
-    """Whether calibration puts both nearer to each other than the noise of a single fix, and cannot tell them apart.
+    """Whether self-calibration puts both nearer to each other than the noise of a single fix, and cannot separate them.
 
-    Estimates without it are apart by what the legs differ in, and could coincide while one of two targets hides. Two
-    that are known to be apart stay two, however long one of them hides.
+    Estimates without self-calibration differ by the errors of the two legs, and could coincide while one of two targets
+    is hidden. Two targets that are known to be apart stay two, however long one of them is hidden.
     """
     if not (isinstance(one, CalibratedTargetState) and isinstance(other, CalibratedTargetState)):
         return False

@@ -17,14 +17,14 @@ from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
 
 MOST_REPLACED = 16
-"""Most ids of merged tracks that a track keeps: the latest."""
+"""Maximum number of ids of merged tracks that a track keeps: the latest ones."""
 
 
 class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """One live track. Immutable."""
 
     id: int
-    """Track number, counted from 1; that of a branch, which is not reported, is negative."""
+    """Track number, counted from 1; negative for a branch, which is not reported."""
     label: str
     target: TargetState
     """The filter's state, predicted to the newest frame."""
@@ -43,7 +43,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     replaces: tuple[int, ...] = ()
     """Ids of tracks that were merged into this one."""
     branch_of: int | None = None
-    """Id of the coasting track that this tentative one may be."""
+    """Id of the coasting track that this branch may continue; None unless the track is a branch."""
 
     @property
     def confirmed(self) -> bool:
@@ -58,7 +58,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     def updated(
         self, host_ns: HostNs, fix: GroundFix, log_likelihood_ratio: float, detector: DetectorModel
     ) -> LiveTrack:
-        """The track after a frame with a fix of it. ``log_likelihood_ratio``: of the fix, target against clutter."""
+        """The track after an update with a fix. ``log_likelihood_ratio``: that of the fix, target against clutter."""
         detector_id = fix.sighting.detection.detector_id
         return msgspec.structs.replace(
             self,
@@ -70,17 +70,17 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         )
 
     def deleted(self, reason: Reason) -> LiveTrack:
-        """The track ended by a reason from outside."""
+        """The track, deleted for the given reason."""
         return msgspec.structs.replace(self, life=deleted(self.life, reason))
 
     def merged(self, junior: LiveTrack) -> tuple[LiveTrack, LiveTrack]:
-        """The track after a junior of the same target was merged into it, and that junior, deleted."""
+        """The track after a junior track of the same target was merged into it, and the junior track, deleted."""
         replaces = (*self.replaces, *junior.replaces, junior.id)[-MOST_REPLACED:]
         ended = msgspec.structs.replace(junior.deleted(Reason.REPLACED), replaced_by=self.id)
         return msgspec.structs.replace(self, replaces=replaces), ended
 
     def reacquired(self, branch: LiveTrack) -> tuple[LiveTrack, LiveTrack]:
-        """The track after its branch was confirmed: the state of the branch; and that branch, deleted."""
+        """The track after its branch was confirmed, with the state of the branch; and the branch, deleted."""
         life = continued(self.life, branch.life)
         after = msgspec.structs.replace(branch, id=self.id, life=life, replaces=self.replaces, branch_of=None)
         ended = msgspec.structs.replace(
@@ -89,7 +89,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         return after, ended.deleted(Reason.REPLACED)
 
     def report(self, target: TargetEstimate, view: FrameView) -> Track:
-        """The track after this frame, at a ``target`` that may be another than its own filter's."""
+        """The report of the track after this frame. ``target``: the reported estimate, not always by the own filter."""
         life, last = self.life, self.last_fix
         return Track(
             id=self.id,
@@ -119,7 +119,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
 
 
 def initiate(number: int, fix: GroundFix, target: TargetState, host_ns: HostNs) -> LiveTrack:
-    """A new track of a fix that belongs to no other."""
+    """A new track from a fix that belongs to no other track."""
     detection = fix.sighting.detection
     return LiveTrack(
         id=number,
@@ -139,13 +139,13 @@ def innovation(before: TargetEstimate, fix: GroundFix) -> Innovation:
 
 
 def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
-    """The covariance with the variance of the ground's level: the same in every fix, so it does not average out."""
+    """The covariance plus the variance of the ground's level: the same in every fix, so it does not average out."""
     north, east, (down_north, down_east, down_down) = cov
     return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
 
 
 def opened(target: TargetState, view: FrameView) -> TargetState:
-    """The target after a jump of the vehicle's reported position, where its filter follows that."""
+    """The target after a jump of the vehicle's reported position; unchanged where its filter does not model jumps."""
     return target.jumped(view.jumped_m) if isinstance(target, StandingTargetState) else target
 
 
@@ -159,9 +159,9 @@ def detector_after(
 ) -> DetectorModel:
     """The detector model after a frame. ``after``: the same tracks in order, then those that the frame initiated.
 
-    ``refused``: fixes that found the table full.
-    The fixes of a tentative track count by the probability that it is of clutter: a first photograph of twenty animals
-    is no evidence of twenty false detections.
+    ``refused``: number of fixes for which the track table had no room.
+    The fixes of a tentative track count by the probability that the track is clutter: a first photograph of twenty
+    animals is not evidence of twenty false detections.
     """
     hits, looks, false, undecided = 0, 0, float(refused), 0.0
     for old, now in zip(before, after, strict=False):
@@ -180,8 +180,8 @@ def detector_after(
 
 
 def teaches(fix: GroundFix) -> bool:
-    """Whether the height of the detected point above the ground is exactly known, and the vehicle's motion too: in a
-    world without a position, targets move as the vehicle does.
+    """Whether self-calibration may use a fix: the height of the detected point above the ground is exactly known, and
+    so is the vehicle's motion. In a world without a position, targets move as the vehicle does.
     """
     return fix.sighting.anchor_sigma_m == 0.0 and not fix.sighting.relative
 
@@ -189,10 +189,10 @@ def teaches(fix: GroundFix) -> bool:
 def with_shared_evidence(
     tracks: tuple[LiveTrack, ...], known: WanderEvidence | None
 ) -> tuple[tuple[LiveTrack, ...], WanderEvidence | None]:
-    """The tracks with one evidence of how the vehicle's position wanders, and that evidence.
+    """The tracks with one common evidence of how the vehicle's position wanders, and that evidence.
 
-    It is the newest of a confirmed track, else the ``known`` one: clutter and what moves must not show it. Filters of a
-    user have no part in it.
+    It is the newest evidence of a confirmed track, otherwise the ``known`` one, because clutter and moving targets must
+    not contribute to it. A user's filter neither contributes evidence nor receives it.
     """
     newest = known
     for track in tracks:

@@ -8,16 +8,17 @@ from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import FrameView, Sighting
 
 AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
-"""Three directions: an edge of the image that cuts the circle's inner half cuts one of them off."""
+"""Three directions, north and east: an image edge that cuts the inner half of their circle cuts one of them off."""
 TOWARD_COSINE = 0.985
-"""10 degrees: a delay of 50 ms turns a sight by 8 degrees at the fastest of a beat of 5 degrees at 5 Hz."""
+"""Cosine of the largest angle between a sighting and its target, 10 degrees: a delay of 50 ms turns a sight by 8
+degrees at the fastest instant of a beat of 5 degrees at 5 Hz."""
 
 
 def is_missed_detection(view: FrameView, label: str, target: TargetEstimate, margin_m: float | None) -> bool:
-    """Whether the frame covers the target and has no sighting that may be its own.
+    """Whether the frame covers the target and has no sighting that may be of this target.
 
-    The frame must cover the target's position, and, unless ``margin_m`` is None, its surroundings of one sigma and of
-    ``margin_m``.
+    The frame must cover the target's position and, unless ``margin_m`` is None, a circle of one sigma plus ``margin_m``
+    around it.
     """
     place_ned = target.apparent_ned
     if not view.could_see(place_ned):
@@ -31,7 +32,7 @@ def is_missed_detection(view: FrameView, label: str, target: TargetEstimate, mar
 
 
 def _is_toward(sighting: Sighting, place_ned: Vector3) -> bool:
-    """Whether a sighting without a fix, as a too shallow one, is in the direction of this place."""
+    """Whether a sighting without a fix, such as a too shallow one, is in the direction of this place."""
     seen = transform(sighting.ned_from_camera, sighting.ray.direction)
     to_place = subtract(place_ned, sighting.camera_ned)
     return dot(seen, to_place) >= TOWARD_COSINE * norm(to_place)
