@@ -1,4 +1,4 @@
-"""Landmarks: what their sights show of the errors that all targets share, and the targets corrected by it.
+"""Landmarks: their sights estimate the errors that all targets share, and the estimate corrects the targets.
 
 In numpy, and imported only where the configuration has a landmark.
 """

@@ -1,9 +1,9 @@
 """Sightings with the vehicle's pose at the estimated instant of their capture.
 
-On a flapping wing the rates at a capture give the attitude 20 ms earlier wrong by 1 degree (a beat of 5 degrees at
-5 Hz), in step with the beat, as an error of the lever or of the height would be. The history gives it right, and the
-delay can then be estimated. The rates are used without the noise of the attitudes, which would show a delay of its own
-(``rate_denoiser``).
+On a flapping wing, the rates at a capture give the attitude 20 ms earlier with an error of 1 degree (a beat of
+5 degrees at 5 Hz). This error is in step with the beat, as an error of the lever arm or of the height would be. The
+pose history gives the right attitude, so that the delay can be estimated. The rates are freed of the noise of the
+attitudes, which would show a delay of its own (``rate_denoiser``).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from fwav_companion.types import GimbalAt, Sighting, Unpaired, VehicleState
 
 
 class DelayedSighting(msgspec.Struct, frozen=True, gc=False):
-    """A sighting by the pose ``late_s`` before its nominal capture."""
+    """A sighting with the pose at ``late_s`` seconds before its nominal capture."""
 
     sighting: Sighting
     late_s: float = 0.0
 
 
 class PoseHistory(msgspec.Struct, frozen=True):
-    """The poses around captures, and the rates without their noise."""
+    """Vehicle poses around captures, and angular rates without their noise."""
 
     state_at: StateAt | None = None
-    """None without a history: sightings keep their pose."""
+    """Vehicle state at an instant; None without a history: sightings keep their pose."""
     slow: Vector3 = ZERO3
     """Mean rates before the newest frame, rad/s, axes of the carrier."""
     denoiser: RateDenoiser = RateDenoiser()
@@ -40,7 +40,7 @@ class PoseHistory(msgspec.Struct, frozen=True):
         return PoseHistory(self.state_at, slow, self.denoiser.with_state(sighting.state, slow, attitude_noise))
 
     def delayed(self, sighting: Sighting, late_s: float) -> DelayedSighting:
-        """The sighting by the pose ``late_s`` before its nominal capture, where that pose is known."""
+        """The sighting with the pose at ``late_s`` seconds before its nominal capture, where that pose is known."""
         now, state_at = sighting.state, self.state_at
         if state_at is None or sighting.relative or now.position_ned is None:
             return DelayedSighting(self._denoised(sighting))
@@ -58,14 +58,14 @@ class PoseHistory(msgspec.Struct, frozen=True):
         return DelayedSighting(self._denoised(moved), late_s)
 
     def _slow_rates(self, state: VehicleState) -> Vector3:
-        """Mean rates over the last SPAN_S; zero where the attitude before it is not known."""
+        """Mean rates over the last SPAN_S, rad/s; zero where the attitude at its start is not known."""
         before = None if self.state_at is None else self.state_at(BootNs(state.boot_ns - ns_from_s(SPAN_S)))
         if before is None or isinstance(before, Unpaired):
             return ZERO3
         return scale(difference(state.ned_from_carrier, before.ned_from_carrier), 1.0 / SPAN_S)
 
     def _denoised(self, sighting: Sighting) -> Sighting:
-        """The sighting with the expected rates, given the reported ones."""
+        """The sighting with the expected rates, given the reported rates."""
         state = sighting.state
         if self.state_at is None or isinstance(state.gimbal, GimbalAt):
             return sighting

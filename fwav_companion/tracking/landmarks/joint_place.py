@@ -1,8 +1,9 @@
-"""The place of one standing target together with the errors that all targets share: a Kalman filter in numpy.
+"""Kalman filter of the place of one static target together with the errors that all targets share, in numpy.
 
-Each target has its own copy of the shared errors. Sights of landmarks update every copy, and a fix of the target its
-own: the target is seen from many sides, and shows the vehicle's height and heading as landmarks do. What other targets
-show is left out: their places would be in the state, too. Some errors are considered and not estimated (Schmidt 1966).
+Each target has its own copy of the shared errors. Sights of landmarks update every copy. A fix of the target updates
+its own copy: the target is seen from many sides, and shows the vehicle's height and heading as landmarks do. Fixes of
+other targets are not used, because their places would have to be in the state, too. Some errors are considered and not
+estimated (Schmidt 1966).
 
 The state is the place, then the shared errors. With the rows H, the noise R and the gain K of the estimated states::
 
@@ -23,14 +24,14 @@ from fwav_companion.self_calibration.arrays import Array
 
 
 class Transition(msgspec.Struct, frozen=True):
-    """The shared errors some time later: s = A s + fresh noise."""
+    """Transition of the shared errors to a later instant: s = A s + fresh noise."""
 
     matrix: Array
     noise: Array
     """Covariance of the fresh noise."""
 
     def beside_place(self) -> Transition:
-        """The transition of a place that stays, and of the shared errors."""
+        """The transition of the joint state: of a constant place, and of the shared errors."""
         still = len(self.matrix) + 2
         matrix, noise = np.eye(still), np.zeros((still, still))
         matrix[2:, 2:], noise[2:, 2:] = self.matrix, self.noise
@@ -42,24 +43,24 @@ class Correction(msgspec.Struct, frozen=True):
 
     measured: Array
     rows: Array
-    """H."""
+    """Sensitivities H to the state."""
     noise: Array
     """Covariance R of the noise."""
 
     def beside_place(self) -> Correction:
-        """The measurement of a place, which it does not show, and of the shared errors."""
+        """The measurement of the joint state: of a place, to which it is not sensitive, and of the shared errors."""
         return Correction(self.measured, np.hstack((np.zeros((len(self.rows), 2)), self.rows)), self.noise)
 
 
 UNKNOWN_M = 100.0
-"""One sigma of a place that is not known: hardly any information, and no loss by rounding."""
+"""One sigma of an unknown place, metres: hardly any information, and no loss by rounding."""
 Step: TypeAlias = Transition | Correction
 
 
 def stepped(state: tuple[Array, Array], step: Step, estimated: Array) -> tuple[Array, Array]:
-    """Mean and covariance after a step; a measurement moves the estimated states alone, in Joseph's form.
+    """Mean and covariance after a step. A measurement moves only the estimated states, in Joseph's form.
 
-    ``estimated``: 0 for what is considered and not estimated, else 1.
+    ``estimated``: 1 for each estimated state, 0 for each considered state.
     """
     mean, cov = state
     if isinstance(step, Transition):
@@ -74,18 +75,18 @@ def stepped(state: tuple[Array, Array], step: Step, estimated: Array) -> tuple[A
 
 
 class JointPlace(msgspec.Struct, frozen=True):
-    """North and east of a target, and the shared errors, with their covariance."""
+    """Joint state of one target: its north and east and the shared errors, with their covariance."""
 
     mean: Array
-    """(2 + n)"""
+    """(2 + n) North and east, metres, then the shared errors."""
     cov: Array
     """(2 + n, 2 + n)"""
     estimated: Array
-    """(2 + n) 0 for what is considered and not estimated, else 1."""
+    """(2 + n) 1 for each estimated state, 0 for each considered state."""
 
     @property
     def place(self) -> Array:
-        """(2), metres."""
+        """(2) Place of the target, north and east, metres."""
         return self.mean[:2]
 
     @property
@@ -94,11 +95,11 @@ class JointPlace(msgspec.Struct, frozen=True):
         return float(self.cov[0, 0]), float(self.cov[0, 1]), float(self.cov[1, 1])
 
     def after(self, step: Step) -> JointPlace:
-        """The place after a step of the shared errors."""
+        """The joint state after a step of the shared errors."""
         return self.update(step.beside_place())
 
     def update(self, step: Step) -> JointPlace:
-        """The place after a fix, whose rows are those of the place, then of the shared errors; or after any step."""
+        """The joint state after a fix, with rows for the place, then for the shared errors; or after any step."""
         return JointPlace(*stepped((self.mean, self.cov), step, self.estimated), self.estimated)
 
 

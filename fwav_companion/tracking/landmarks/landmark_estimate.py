@@ -1,4 +1,4 @@
-"""Mean and covariance of the errors that all targets share, and what each landmark showed. Immutable."""
+"""Mean and covariance of the errors that all targets share, and the record of each landmark. Immutable."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, Share
 from fwav_companion.types import LandmarkAltitude, LandmarkRecord, LandmarkState
 
 IN_A_ROW = 5
-"""Refused sights in a row after which the landmark, and not the detector, is in doubt."""
+"""Number of refused sights in a row after which the landmark, and not the detector, is in doubt."""
 
 
 class Sequel(msgspec.Struct, frozen=True, gc=False):
-    """What the next sight of a landmark continues."""
+    """State of the series of sights of one landmark, which its next sight continues."""
 
     at_ns: HostNs
     """Capture of the last sight."""
     in_a_row: int = 0
-    """Refused sights since the last one that agreed."""
+    """Number of refused sights since the last sight that agreed."""
 
 
 class LandmarkEstimate(msgspec.Struct, frozen=True):
-    """The estimate at one instant."""
+    """Estimate of the shared errors at one instant."""
 
     model: SharedErrors
     mean: Array
@@ -38,13 +38,13 @@ class LandmarkEstimate(msgspec.Struct, frozen=True):
     records: tuple[LandmarkRecord, ...]
     sequels: tuple[Sequel | None, ...]
     doubted: tuple[int, int] = (-1, 0)
-    """The landmark in doubt, and the number of examinations in a row that found it so."""
+    """Index of the landmark in doubt, -1 for none; number of examinations in a row that found it in doubt."""
     unresolved: int = 0
-    """Examinations in a row that found landmarks in contradiction."""
+    """Number of examinations in a row that found landmarks in contradiction."""
     suspects: tuple[int, ...] = ()
     """Landmarks in use that the others contradict: each may be the wrong one."""
     steps: tuple[Step, ...] = ()
-    """The newest steps, in order, for the places of the targets."""
+    """The newest steps, in order, to be applied to the places of the targets."""
 
     @property
     def shows(self) -> bool:
@@ -53,9 +53,10 @@ class LandmarkEstimate(msgspec.Struct, frozen=True):
 
     @property
     def altitude(self) -> LandmarkAltitude | None:
-        """The vehicle's altitude by sights of the landmark that was used most; None before :data:`IN_A_ROW` of them.
+        """The vehicle's altitude by sights of the landmark that was used most; None before :data:`IN_A_ROW` sights.
 
-        The prior is taken back, with its information: an altitude above sea level may be worse than twice the place.
+        The prior is removed with its information, because the error of an altitude above sea level may be more than
+        twice that of the place.
         """
         used = max(range(len(self.records)), key=lambda i: self.records[i].used * self._is_used(i))
         if not self._is_used(used) or self.records[used].used < IN_A_ROW:
@@ -77,12 +78,12 @@ class LandmarkEstimate(msgspec.Struct, frozen=True):
         return self.mean, self.cov
 
     def after(self, step: Step) -> Self:
-        """The state after a step, which the places of the targets take with it."""
+        """The state after a step, which is also kept for the places of the targets."""
         mean, cov = stepped(self.shared, step, self.model.estimated)
         return replace(self, mean=mean, cov=cov, steps=(*self.steps, step))
 
     def recorded(self, landmark: int, record: LandmarkRecord, sequel: Sequel | None = None) -> Self:
-        """The state with another record of one landmark; with another sequel, where one is given."""
+        """The state with a new record of one landmark and, where one is given, a new sequel."""
         records = (*self.records[:landmark], record, *self.records[landmark + 1 :])
         if sequel is None:
             return replace(self, records=records)

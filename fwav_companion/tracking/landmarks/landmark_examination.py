@@ -1,8 +1,8 @@
-"""Landmarks that disagree: each is examined by the state without its claim.
+"""Examination of landmarks that disagree: each is compared with the state without its survey.
 
-One that all else contradicts is left out. Where landmarks contradict one another and the flight does not show which is
-wrong, all stay and are named together, and the claim of each target is wider by what its place moves without each of
-them: the solution separation of Brown and McBurney (Navigation 35, 1988).
+A landmark that all else contradicts is left out. Where landmarks contradict one another and the flight does not show
+which is wrong, all stay in use and are named together. The covariance of each target is then widened by the movement of
+its place without each of them: the solution separation of Brown and McBurney (Navigation 35, 1988).
 """
 
 from __future__ import annotations
@@ -23,27 +23,28 @@ from fwav_companion.types import LandmarkState
 EstimateT = TypeVar("EstimateT", bound=LandmarkEstimate)
 
 LEFT_OUT = 30.0
-"""Squared Mahalanobis distance of a landmark from where all else shows it, beyond which it is left out: it is examined
-once a second, and a right one exceeds this once in three million."""
+"""Squared Mahalanobis distance of a landmark from its place by all else, beyond which it is left out. It is examined
+once a second, and a right landmark exceeds this once in three million times."""
 DOUBTED = 16.3
-"""The same distance beyond which it is left out when it stays there, and all others are clearly nearer: a right one
-exceeds it once in a thousand. Of three, one that is off by 0.4 m is named in 8 of 12 flights of 45 s; a batch over the
-whole flight, linear about the truth, names it in 9 at the same margin."""
+"""The same distance, beyond which a landmark is left out if it stays there and all others are clearly nearer: a right
+landmark exceeds it once in a thousand times. Of three landmarks, one that is off by 0.4 m is named in 8 of 12 flights
+of 45 s. A batch over the whole flight, linearized at the truth, names it in 9 at the same margin."""
 DOUBTED_TIMES = 10
-"""Examinations in a row."""
+"""Number of examinations in a row beyond DOUBTED before a landmark is left out."""
 CLEAR = 9.0
-"""Landmarks whose distances differ by less contradict one another, and the flight does not show which is wrong: a ratio
-of likelihoods of 90."""
+"""Difference of these distances below which landmarks contradict one another and the flight does not show which is
+wrong: a likelihood ratio of 90."""
 ALL_LEFT_OUT = 2.0 * LEFT_OUT
-"""The same distance where the flight does not show which of several is wrong: later sights may."""
+"""The same distance as LEFT_OUT, where the flight does not show which of several is wrong: later sights may show it."""
 SUSPECT = 7.8
-"""The same distance of a suspect: a right one exceeds it once in twenty, and then widens claims."""
+"""The same distance, beyond which a landmark is a suspect: a right one exceeds it once in twenty times, and then widens
+covariances."""
 
 
 def examined(state: EstimateT, *, at_once: bool = False) -> EstimateT:
-    """The state without the landmark that all else contradicts the most; without all that it contradicts alike.
+    """The state without the landmark that all else contradicts most, or without all that are contradicted alike.
 
-    ``at_once``: whether what is far off is left out before later examinations can show which of several is wrong.
+    ``at_once``: whether landmarks that are far off are left out before later examinations can show which is wrong.
     """
     used = [i for i, record in enumerate(state.records) if record.state is LandmarkState.USED]
     without = {i: released(state, i) for i in used}
@@ -64,14 +65,14 @@ def examined(state: EstimateT, *, at_once: bool = False) -> EstimateT:
 
 
 def _is_decided(state: LandmarkEstimate, wrong: int, worst: float, *, at_once: bool) -> bool:
-    """Whether the ``wrong`` landmarks that are contradicted alike are left out."""
+    """Whether landmarks are left out. ``wrong``: number of landmarks that are contradicted alike."""
     if wrong == 1:
         return worst > LEFT_OUT or state.doubted[1] >= DOUBTED_TIMES
     return worst > ALL_LEFT_OUT and (at_once or state.unresolved >= DOUBTED_TIMES)
 
 
 def contradicting(state: EstimateT, used: Sequence[int], shown: Sequence[int]) -> EstimateT:
-    """The state whose records name, for each of the landmarks ``shown``, those that it contradicts."""
+    """The state with records that name, for each landmark in ``shown``, the landmarks that it contradicts."""
     for i in used:
         others = tuple(state.records[k].label for k in (shown if len(shown) > 1 else used) if k != i)
         record = replace(state.records[i], contradicts=others if i in shown else ())
@@ -80,7 +81,7 @@ def contradicting(state: EstimateT, used: Sequence[int], shown: Sequence[int]) -
 
 
 def _doubting(state: EstimateT, wrong: Sequence[int], worst: float) -> EstimateT:
-    """The state with one more examination beyond DOUBTED: of the same single landmark, or of several."""
+    """The state with its counts of examinations beyond DOUBTED: in a row of the same single landmark, and of any."""
     unresolved = state.unresolved + 1 if worst > DOUBTED else 0
     if len(wrong) != 1 or worst <= DOUBTED:
         return replace(state, doubted=(-1, 0), unresolved=unresolved)
@@ -90,12 +91,12 @@ def _doubting(state: EstimateT, wrong: Sequence[int], worst: float) -> EstimateT
 
 
 def released(state: EstimateT, landmark: int) -> EstimateT:
-    """The state without the claim of one landmark: its place is as good as unknown."""
+    """The state without the survey of one landmark, whose place is then as good as unknown."""
     return state.after(release(state.model, landmark))
 
 
 def release(model: SharedErrors, landmark: int) -> Correction:
-    """The measurement with a negative variance that takes the prior of a landmark's place back."""
+    """The measurement with a negative variance that removes the prior of a landmark's place."""
     rows = np.zeros((3, model.size))
     rows[:, model.survey(landmark)] = np.eye(3)
     claimed = model.landmarks[landmark].sigma_m ** 2
@@ -103,12 +104,12 @@ def release(model: SharedErrors, landmark: int) -> Correction:
 
 
 def off(state: LandmarkEstimate, landmark: int) -> Array:
-    """(3) where the sights show a landmark whose claim is taken back, minus its known place, metres."""
+    """(3) Place of a released landmark by the sights, minus its known place, metres."""
     return state.mean[state.model.survey(landmark)]
 
 
 def distance2(state: LandmarkEstimate, landmark: int) -> float:
-    """Squared Mahalanobis distance between the two."""
+    """Squared Mahalanobis distance of a released landmark from its known place, 3 degrees of freedom."""
     survey = state.model.survey(landmark)
     cov = state.cov[survey, survey] + state.model.landmarks[landmark].sigma_m ** 2 * np.eye(3)
     away = off(state, landmark)

@@ -1,12 +1,12 @@
-"""The estimate of the errors that all targets share, by sights of landmarks.
+"""Filter of the errors that all targets share, by sights of landmarks.
 
-A sight is a direction to a known place: measured minus known is ``H s + noise`` with the shared errors s
-(``state_vector``, ``ray_measurement``).
-The survey of each landmark is among them, so that many sights do not average its error away. A landmark that all else
-contradicts is left out: its prior is taken back, which is exact for a linear filter, and undoes what it had moved.
+A sight is a direction to a known place: measured minus known direction is ``H s + noise`` with the shared errors s
+(``state_vector``, ``ray_measurement``). The survey error of each landmark is among them, so that many sights do not
+average it away. A landmark that all else contradicts is left out: its prior is removed, which is exact for a linear
+filter and undoes its earlier corrections.
 
-Immutable. A frame gives the next state twice: at its instant, and after its sights. Each has the steps that the places
-of the targets take with it.
+Immutable. A frame gives the next state twice: at its instant, and after its sights. Each state has the steps that are
+to be applied to the places of the targets.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import FrameView, LandmarkRecord, LandmarkSight, LandmarkState, Sighting
 
 GATE = 25.0
-"""Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
+"""Gate on the normalised innovation squared of a sight, 2 degrees of freedom: a true one exceeds it once in 300 000."""
 ITERATIONS = 3
-"""Updates by a first sight, each about the estimate of the one before."""
+"""Number of updates by a first sight, each linearized at the estimate of the update before."""
 EXAMINED_EVERY_NS = NS_PER_S
 FIRST_S = 1e9
-"""Interval before a first sight: it repeats no telemetry."""
+"""Interval before a first sight, seconds: that sight repeats no telemetry."""
 
 
 class PreparedSight(msgspec.Struct, frozen=True, gc=False):
-    """A sight, ready to be used."""
+    """A sight, prepared as a measurement."""
 
     sequel: Sequel
     correction: Correction
     nis: float
     """Normalised innovation squared, two degrees of freedom."""
     off_m: float
-    """Distance from where it is expected, metres."""
+    """Distance from the expected place, metres."""
 
 
 class LandmarkFilter(LandmarkEstimate, frozen=True):
-    """The estimate in time, by sights."""
+    """Estimate of the shared errors, predicted to frames and updated by sights."""
 
     path: CameraPath | None = None
     """The camera's path; None before the first sight of anything."""
@@ -75,7 +75,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         )
 
     def predicted(self, view: FrameView) -> Self:
-        """The state at the instant of a frame."""
+        """The state predicted to the instant of a frame."""
         state = replace(self, steps=())
         fixes = (*view.fixes, *(sight.fix for sight in view.landmarks))
         if fixes:
@@ -101,7 +101,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         return state
 
     def position_jumped(self, variance: float) -> Self:
-        """The state with the vehicle's position free to have moved by ``variance``, m^2 an axis."""
+        """The state after a jump of the vehicle's position. ``variance``: of the jump, m^2 an axis."""
         first, last = self.model.wander.start, self.model.wander.stop
         noise = np.zeros_like(self.cov)
         errors = np.arange(first, last, 2)
@@ -120,7 +120,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         return replace(self.after(Transition(matrix, noise)), host_ns=host_ns)
 
     def _by_receiver(self, sigma_m: float) -> Self:
-        """The state by a receiver of another accuracy: a better one has errors of its own, a worse one's grow."""
+        """The state for a receiver of another accuracy: a better receiver has new errors, those of a worse one grow."""
         if sigma_m == self.sigma_m:
             return self
         if not sigma_m <= FRESH_SHARE * self.sigma_m and self.host_ns is not None:
@@ -145,7 +145,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         if sequel.in_a_row + 1 < IN_A_ROW:
             return self.recorded(landmark, record, replace(sequel, in_a_row=sequel.in_a_row + 1))
         state = self.recorded(landmark, record, replace(sequel, in_a_row=0))
-        if record.used >= IN_A_ROW:  # what agreed has not moved: the vehicle's position has
+        if record.used >= IN_A_ROW:  # a landmark that agreed has not moved: the vehicle's position has
             return state.position_jumped(off_m**2).recorded(landmark, replace(record, used=0))
         used = replace(record, state=LandmarkState.USED)
         with_it = examined(state.after(correction).recorded(landmark, used, sequel), at_once=True)
@@ -157,11 +157,11 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         return with_it if decided else state
 
     def _iterated(self, sight: LandmarkSight, first: PreparedSight) -> PreparedSight:
-        """The sight about the estimate that it leads to (iterated Kalman filter: Bell & Cathey 1993).
+        """The sight linearized at the estimate that it leads to (iterated Kalman filter: Bell & Cathey 1993).
 
-        The first sights move the estimate by a metre or two. About the estimate before them their sensitivities to
-        the altitude differ from those of later sights by a tenth, which the filter takes for information: over descents
-        it claimed an altitude to 0.9 m after a second, where 1.5 m can be known.
+        The first sights move the estimate by a metre or two. Linearized at the estimate before them, their
+        sensitivities to the altitude differ from those of later sights by a tenth. The filter takes the difference for
+        information: over descents it claimed an altitude to 0.9 m after a second, where 1.5 m can be known.
         """
         prepared = first
         for _ in range(ITERATIONS):
@@ -170,7 +170,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         return replace(prepared, nis=first.nis, off_m=first.off_m)
 
     def _prepared(self, sight: LandmarkSight, mean: Array) -> PreparedSight:
-        """The sight against the known place. ``ray_measurement`` has the shared errors but for altitude and survey."""
+        """The sight against the known place. Rows for altitude and survey complete those of ``ray_measurement``."""
         model, fix, before = self.model, sight.fix, self.sequels[sight.landmark]
         host_ns, survey = fix.sighting.frame_host_ns, model.survey(sight.landmark)
         since_s = FIRST_S if before is None else max(s_from_ns(host_ns - before.at_ns), 1e-3)
@@ -195,5 +195,5 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
         return PreparedSight(sequel, measurement.correction(rows, mean), nis, off_m)
 
     def pose(self, sighting: Sighting) -> DelayedSighting:
-        """The sighting by the pose at the estimated delay."""
+        """The sighting with the pose at the estimated delay."""
         return self.history.delayed(sighting, self.model.late_s(sighting, self.mean))

@@ -1,4 +1,4 @@
-"""A standing target with the errors that landmarks show taken out of its place."""
+"""A static target whose place is corrected by the errors that landmarks show."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from fwav_companion.types import (
 
 
 class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False):
-    """One standing target: by its own filter, and by a place that landmarks correct."""
+    """One static target, estimated by its own filter and by a joint place that landmarks correct."""
 
     joint: JointPlace
     landmarks: LandmarkFilter
-    """The landmarks at the newest frame."""
+    """State of the landmark filter at the newest frame."""
     separation: Symmetric2 = (0.0, 0.0, 0.0)
-    """What the place moves without each suspect, squared, m^2."""
+    """Squared movement of the place without each suspect, summed over the suspects, m^2."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -57,7 +57,7 @@ class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False
 
     @property
     def _is_better(self) -> bool:
-        """Whether landmarks were seen, and show more than the own filter claims. Both claims hold every error."""
+        """Whether landmarks are used and the joint place has the smaller sigma. Both sigmas include every error."""
         return self.landmarks.shows and horizontal_sigma(self._joint_cov) < horizontal_sigma(super().cov)
 
     def bias_shares(self) -> dict[Bias, float]:
@@ -65,7 +65,7 @@ class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False
         return {} if self._is_better else super().bias_shares()
 
     def after(self, landmarks: LandmarkFilter) -> Self:
-        """The state after the landmarks of a frame."""
+        """The state after the newest steps of the landmark filter."""
         joint = self.joint
         for step in landmarks.steps:
             joint = joint.after(step)
@@ -84,7 +84,7 @@ class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False
         return replace(super().update(fix), joint=self.joint.update(measured))
 
     def by_first(self, fix: GroundFix) -> Self:
-        """The state with a place by its first fix; on level ground about the estimate that the fix leads to."""
+        """The state with a place by its first fix, on level ground linearized at the estimate that the fix leads to."""
         joint, errors = self.joint, self.landmarks.model.errors
         if is_level(fix):
             for _ in range(ITERATIONS):
@@ -95,7 +95,7 @@ class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False
         return replace(self, joint=joint, separation=_separation(joint, self.landmarks))
 
     def _by_direction(self, fix: GroundFix, mean: Array, since_s: float) -> Correction:
-        """A fix on level ground as a measurement of direction to the place, linear about ``mean``."""
+        """A fix on level ground as a measurement of the direction to the place, linearized at ``mean``."""
         model, path = self.landmarks.model, self.landmarks.path
         sighting = fix.sighting
         down_m = fix.position_ned[2] - sighting.anchor_height_m
@@ -119,13 +119,13 @@ class LandmarkTracking(LandmarkFilter, frozen=True):
     """The landmarks, and the targets that they correct."""
 
     def tracked(self, sights: Sequence[LandmarkSight], fixes: Iterable[GroundFix]) -> LandmarkTracking:
-        """The landmarks after the sights of this frame. ``fixes``: of confirmed tracks; other sights are clutter."""
+        """The landmarks after the sights of this frame. ``fixes``: of confirmed tracks. Other sights are clutter."""
         seen = {fix.sighting.index for fix in fixes}
         taken = {sight.landmark: sight for sight in sights if sight.fix.sighting.index in seen}
         return self.seen(list(taken.values()))
 
     def corrected(self, target: TargetState) -> TargetState:
-        """A target with the landmarks' newest steps."""
+        """A target after the newest steps of the landmarks."""
         return target.after(self) if isinstance(target, LandmarkTargetState) else target
 
     def initiate(self, fix: GroundFix) -> LandmarkTargetState:
@@ -135,12 +135,12 @@ class LandmarkTracking(LandmarkFilter, frozen=True):
         return LandmarkTargetState(**own, joint=joint, landmarks=self).by_first(fix)
 
     def restarted(self) -> LandmarkTracking:
-        """The landmarks after every target was dropped: the vehicle or its world is another one."""
+        """The landmarks after every target was dropped, because the vehicle or its world is another one."""
         return self.start(self.model, self.history.state_at)
 
 
 def _separation(joint: JointPlace, landmarks: LandmarkFilter) -> Symmetric2:
-    """The sum over all suspects of the square of what the place moves without them, m^2."""
+    """Squared movement of the place without each suspect, summed over the suspects, m^2."""
     total = np.zeros((2, 2))
     for landmark in landmarks.suspects:
         moved = joint.after(release(landmarks.model, landmark)).place - joint.place
@@ -149,6 +149,6 @@ def _separation(joint: JointPlace, landmarks: LandmarkFilter) -> Symmetric2:
 
 
 def _on_the_ground(measurement: Measurement, fix: GroundFix, model: SharedErrors) -> Correction:
-    """A fix, horizontal, as a measurement of the place and of the shared errors."""
+    """A fix as a horizontal measurement of the place and of the shared errors."""
     rows = np.hstack((np.eye(2), model.rows(measurement, fix)))
     return Correction(np.array(measurement.position[:2]), rows, np.array(measurement.noise)[:2, :2])

@@ -1,9 +1,9 @@
 """A sight as a measurement of the direction to a point, linear in the shared errors and in the point.
 
-An error that turns the ray moves the direction alike at every distance, and an error of the camera's place by its part
-across the ray over the distance. On the ground both grow with the height and the tilt of this one sight, which hold the
-noise of the telemetry: over an orbit with 0.3 m of height noise the product of that noise with the noise of the same
-sight drew the estimated height by 1.1 m at a claim of 0.1 m.
+An error that turns the ray changes the direction alike at every distance. An error of the camera's place changes it by
+the part of the error across the ray, over the distance. On the ground both effects grow with the height and the tilt of
+the single sight, which hold the noise of the telemetry. Over an orbit with 0.3 m of height noise, the product of that
+noise with the noise of the same sight drew the estimated height by 1.1 m at a claim of 0.1 m.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import GroundFix, Sighting
 
 SMOOTHING_S = 3.0
-"""Time constant of the camera's smoothed path. Between 3 and 30 s targets beside a landmark are right alike; at 0.3 s a
-height noise of 0.3 m leaves 0.17 m in the sensitivities."""
+"""Time constant of the camera's smoothed path, seconds. Between 3 and 30 s, targets near a landmark are equally
+accurate; at 0.3 s, a height noise of 0.3 m leaves 0.17 m in the sensitivities."""
 START_S = 0.3
-"""Time that the first position counts."""
+"""Weight of the first position in the path, seconds."""
 STALE_S = 1.5
-"""Interval of frames beyond which the path begins again: they are few, and share no noise."""
+"""Interval of frames beyond which the path begins again, seconds: such frames are few, and share no noise."""
 FARTHEST_M = 5.0
-"""Distance from the smoothed path beyond which the reported position has jumped."""
+"""Distance from the smoothed path beyond which the reported position has jumped, metres."""
 SENSITIVITY_SHARE = 0.03
-"""Relative error of the sensitivities, one sigma: the smoothed path is 0.1 to 0.3 m off at 12 m. A target 5 m from one
-landmark, after 45 s, medians of 16 orbits, eights and hovers: at 0.01 off by 0.111, 0.093 and 0.207 m at mean squares
-of 2.7, 2.1 and 2.5, of 2 when honest; at 0.035 by 0.116, 0.090 and 0.178 m at 2.6, 1.9 and 2.0. By rates, without the
-pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
+"""Relative error of the sensitivities, one sigma: the smoothed path is 0.1 to 0.3 m off at 12 m. Median errors of a
+target 5 m from one landmark after 45 s, over 16 orbits, eights and hovers: 0.111, 0.093 and 0.207 m with 0.01, at mean
+normalised squares of 2.7, 2.1 and 2.5 (2 when honest); 0.116, 0.090 and 0.178 m with 0.035, at 2.6, 1.9 and 2.0. By
+rates, without the pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
 SENSITIVITY_STEP_S = 6.0
-"""Twice the correlation time of that error: it stays the same while the geometry does."""
+"""Twice the correlation time of that error, seconds: the error stays the same while the geometry does."""
 LEAST_DISTANCE_M = 0.3
 """Least distance at which sensitivities are taken, metres."""
 
 
 class CameraPath(msgspec.Struct, frozen=True, gc=False):
-    """The camera's path by its velocities, drawn to its positions."""
+    """Smoothed path of the camera: predicted by reported velocities, corrected by reported positions."""
 
     camera_ned: Vector3
-    """Smoothed position by the frames so far, metres."""
+    """Smoothed camera position in NED after the frames so far, metres."""
     shift: Vector3
-    """Position predicted by the frames before minus the reported one, NED, metres: free of this frame's noise."""
+    """Predicted minus reported camera position, NED, metres. The predicted one is free of this frame's noise."""
     at_ns: HostNs
     age_s: float = 0.0
 
@@ -64,12 +64,12 @@ class CameraPath(msgspec.Struct, frozen=True, gc=False):
 
 
 def first_path(sighting: Sighting) -> CameraPath:
-    """The path by one position."""
+    """The path that begins at the position of this sighting."""
     return CameraPath(sighting.camera_ned, ZERO3, sighting.frame_host_ns)
 
 
 class RayMeasurement(msgspec.Struct, frozen=True):
-    """A sight, linear about an estimate."""
+    """A sight as a measurement of a direction, linearized at an estimate."""
 
     innovation: Array
     """(2) measured minus expected direction, across the ray."""
@@ -81,7 +81,7 @@ class RayMeasurement(msgspec.Struct, frozen=True):
     """(2, 2)"""
 
     def correction(self, rows: Array, mean: Array) -> Correction:
-        """The measurement as a linear one of the states ``mean``, to which it has these rows."""
+        """The linear measurement of the states ``mean``. ``rows``: its sensitivities to these states."""
         return Correction(self.innovation + rows @ mean, rows, self.noise)
 
 
@@ -96,10 +96,11 @@ def ray_measurement(
     shift: Vector3,
     since_s: float,
 ) -> RayMeasurement:
-    """The direction of a sight against that to ``point``, by the mean of the shared errors and the pose of the sight.
+    """The direction of a sight against the direction to ``point``, by the mean of the shared errors.
 
-    ``too_high_m``: reported minus true height of the camera above the point. ``shift``: from the reported position to
-    that at which the sensitivities are taken. ``since_s``: after the last sight of the same thing.
+    ``pose``: the sight with its pose. ``too_high_m``: reported minus true height of the camera above the point.
+    ``shift``: from the reported position to the position at which the sensitivities are taken. ``since_s``: time since
+    the last sight of the same landmark or target.
     """
     sighting = pose.sighting
     ray = np.array(transform(sighting.ned_from_camera, sighting.ray.direction))

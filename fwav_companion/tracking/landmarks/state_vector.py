@@ -7,8 +7,8 @@ wander                  the vehicle's position: error and rate of each process, 
 survey                  north, east and height of each landmark, metres
 ======================  ==============================================================================================
 
-The height above home is barometric and good to decimetres; altitudes above sea level are the receiver's, and worse than
-its place by 1.5 to 2 times. A target on the home surface depends on the first alone, a landmark on both.
+The height above home is barometric and accurate to decimetres. Altitudes above sea level are by the receiver, with 1.5
+to 2 times the error of its place. A target on the home surface depends on the height alone, a landmark on both.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from fwav_companion.tracking.filters.position_wander import process_step
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Landmark, Sighting
 
 ALTITUDE_SHARE = 2.0
-"""One sigma of the receiver's altitude over that of its place: 1.5 to 2."""
+"""Ratio of one sigma of the receiver's altitude to one sigma of its place: 1.5 to 2."""
 
 TIMED = (Bias.TIME_OFFSET, Bias.READOUT)
 LEVERS = (Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z)
 CONSIDERED = (Bias.TERRAIN, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z)
-"""Biases that neither landmarks nor targets move: their effects are small, and others' look alike. With them estimated
-the best possible claim of a target beside a landmark is the same to 0.003 m."""
+"""Biases that are considered and not estimated: their effects are small, and those of others look alike. With them
+estimated, the best possible claim of a target near a landmark is the same to 0.003 m."""
 
 
 class SharedErrors:
@@ -45,10 +45,10 @@ class SharedErrors:
         self.errors = self.own.model.errors
         self.landmarks = tuple(landmarks)
         self.attitude_noise = priors.attitude_noise
-        """One sigma of an attitude about each axis, fresh in each, radians."""
+        """Attitude noise about each axis, one sigma, independent in each attitude, radians."""
         self._wander = self.own.model.wander
         self.position_sigma_m = self._wander.sigma_m
-        """One sigma of the position where the receiver has no word of its own, metres an axis."""
+        """One sigma of the vehicle's position where the receiver reports no accuracy, metres an axis."""
         self._unit_m = priors.sigma(Bias.POSITION_NORTH)
         processes = len(self._wander.rates)
         self.biases = slice(0, self.errors.count)
@@ -60,21 +60,21 @@ class SharedErrors:
             bias: (index, priors.sigma(bias)) for bias in Bias if (index := self.errors.index_of(bias)) is not None
         }
         self.estimated = np.ones(self.size)
-        """(size) 0 for what is considered and not estimated, else 1."""
+        """(size) 1 for each estimated state, 0 for each considered state."""
         self.estimated[[self._scaled[bias][0] for bias in CONSIDERED if bias in self._scaled]] = 0.0
         straight = {self._scaled[bias][0] for bias in TIMED if bias in self._scaled}
         self.bent = [i for i in range(self.errors.count) if i not in straight] + [self.altitude]
-        """States whose sensitivities are in doubt."""
+        """Indices of the states whose sensitivities are uncertain."""
         self.bent_variances = np.array([1.0] * (len(self.bent) - 1) + [(ALTITUDE_SHARE * self.position_sigma_m) ** 2])
-        """Their prior variances."""
+        """Prior variances of these states."""
 
     def survey(self, landmark: int) -> slice:
-        """The states of one landmark."""
+        """Slice of the survey states of one landmark."""
         first = self.wander.stop + 3 * landmark
         return slice(first, first + 3)
 
     def prior(self, sigma_m: float) -> Array:
-        """The covariance before any sight, by a receiver of this accuracy."""
+        """The covariance before any sight, with a receiver of this accuracy."""
         variances = np.ones(self.size)
         variances[self.altitude] = (ALTITUDE_SHARE * sigma_m) ** 2
         variances[self.wander] = self.stationary(sigma_m)
@@ -83,7 +83,7 @@ class SharedErrors:
         return np.diag(variances)
 
     def stationary(self, sigma_m: float) -> Array:
-        """The variances of the wander's states that it has in the long run."""
+        """Stationary variances of the wander's states, with a receiver of this accuracy."""
         variances = np.array(self._wander.prior_variances * 2)
         return variances * (sigma_m / self.position_sigma_m) ** 2 if self.position_sigma_m else variances
 
@@ -100,7 +100,7 @@ class SharedErrors:
         """(2, size) d(north, east)/d(shared errors) of a fix."""
         rows = np.zeros((2, self.size))
         rows[0, self.biases], rows[1, self.biases] = measurement.shared[:2]
-        if self.errors.curved is not None:  # the delay is estimated
+        if self.errors.curved is not None:  # second order of the delay, which is estimated here
             rows[:, self.errors.curved] = 0.0
         if self.position_sigma_m > 0.0:
             for k, bias in enumerate((Bias.POSITION_NORTH, Bias.POSITION_EAST)):
@@ -114,7 +114,7 @@ class SharedErrors:
         return 0.0 if scaled is None else float(mean[scaled[0]]) * scaled[1]
 
     def rotation(self, sighting: Sighting, mean: Array, taken_s: float) -> Vector3:
-        """The rotation vector of a ray's error, NED, radians; ``taken_s``: delay that its pose has already."""
+        """Rotation vector of a ray's error, NED, radians. ``taken_s``: delay that the pose already has, seconds."""
         late_s, (p, q, r) = self.late_s(sighting, mean) - taken_s, sighting.state.carrier_rates
         in_body = (
             self.value(mean, Bias.ROLL) - self.value(mean, Bias.MOUNT_X) + late_s * p,
@@ -134,7 +134,10 @@ class SharedErrors:
         return add(add(by_lever, by_time), (north, east, -self.value(mean, Bias.HEIGHT)))
 
     def direction_rows(self, sighting: Sighting, by_turn: Array, by_point: Array) -> Array:
-        """(2, size) d(direction of a point above home)/d(shared errors), by those to a turn and to a point, (2, 3)."""
+        """(2, size) d(direction of a point above home)/d(shared errors).
+
+        ``by_turn``, ``by_point``: (2, 3) derivatives of the direction by a turn and by the point.
+        """
         rows = np.zeros((2, self.size))
         state = sighting.state
         body = by_turn @ np.array(matrix_from_quaternion(state.ned_from_carrier))
@@ -170,11 +173,11 @@ class SharedErrors:
         return self.value(mean, Bias.TIME_OFFSET) + sighting.row_fraction * self.value(mean, Bias.READOUT)
 
     def _wander_of(self, axis: int) -> slice:
-        """The errors of the position along one axis."""
+        """Slice of the states of the position's errors along one axis."""
         first = self.wander.start + axis * self._axis
         return slice(first, first + self._axis, 2)
 
     def _unscaled(self, fix: GroundFix) -> float:
-        """The factor to the columns of the position: those of a fix are per sigma of the receiver's word."""
+        """Factor to the position columns of a fix, which are per sigma of the accuracy that the receiver reports."""
         by_receiver = fix.sighting.state.position_bias_m
         return self._unit_m / by_receiver if by_receiver else 1.0
