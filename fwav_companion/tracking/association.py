@@ -34,7 +34,7 @@ def associate(
 
     ``candidates``: at least one, all with the same filter.
     ``could_see``: whether a place is in view. A target in view without a fix was missed; a target out of view was not.
-    Where shared errors displace targets by half of their distance, this decides which of them are seen.
+    Where shared errors displace targets by half the distance between them, this decides which are seen.
     ``joint``: narrows the gates of fixes that more than one track may take, and learns from the pairs.
     """
     frame, costs = possible_costs(candidates, fixes, against)
@@ -58,7 +58,7 @@ def _taken(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], b
 
 
 def _with_misses(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> Costs:
-    """The costs, for confirmed tracks in view less the cost of a missed detection.
+    """The costs, less the cost of a missed detection for confirmed tracks in view.
 
     A tentative track may be clutter; without a fix, then no target was missed. A steady track that may be beyond the
     image's edge takes a fix that is left.

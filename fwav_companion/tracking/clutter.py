@@ -14,7 +14,7 @@ MOST_FALSE = 1.0
 """Number of false detections a frame up to which a steady track takes a fix that is more likely clutter. With more of
 them, such fixes keep a track of clutter alive: at three a frame one lived for 25 s of 60."""
 LEAST_NOISE_PX2 = 1e-3
-"""Lower bound of the area of a fix's noise ellipse, square pixels: a smaller claim of a detector is not believed."""
+"""Lower bound of the area of a fix's noise ellipse, square pixels: a detector's smaller value is not plausible."""
 
 
 class Clutter(msgspec.Struct, frozen=True):

@@ -26,7 +26,7 @@ KEEP_MOVING_NS = 10 * NS_PER_S
 """The same for a moving target, ns: it can be anywhere within 15 m after that."""
 PATIENCE_NS = 10 * NS_PER_S
 """Where targets may move: least time within the gate of a static target before self-calibration uses a target, ns. The
-gate is a metre or two wide, as delay and mount are not known yet: a person who walks leaves it within seconds."""
+gate is a metre or two wide, as delay and mount are not known yet: a walking person leaves it within seconds."""
 
 PREDICTED_NS = 20 * NS_PER_S
 """Where targets may move: time over which a mount must predict sights, ns. A walking person is 30 m away by then."""

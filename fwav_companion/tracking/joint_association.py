@@ -77,8 +77,8 @@ def learn_decided(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes,
 def _rivals(costs: Costs, frame: TracksAndFixes) -> set[int]:
     """Indices of the fixes of pairs that are about as likely as another pair of the same track or fix.
 
-    Errors beyond their priors, such as a camera delay larger than its prior allows, displace steady tracks too, by the
-    distance between targets. Self-calibrated predictions are left out, because their errors are known.
+    Errors beyond their priors, such as a camera delay larger than its prior allows, displace steady tracks too, by as
+    much as the distance between targets. Self-calibrated predictions are left out: their errors are known.
     """
     pairs: defaultdict[tuple[str, int], list[tuple[float, int]]] = defaultdict(list)
     for (i, j), cost in costs.items():

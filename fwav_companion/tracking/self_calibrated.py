@@ -151,7 +151,8 @@ class TargetChoice(msgspec.Struct, frozen=True):
 def misplaced(report: Track, sigma_m: float) -> Track:
     """The report while the mount is known to be wrong: with a larger covariance, without a fix and without a velocity.
 
-    A wrong mount shifts the place, and turns as it shifts. ``sigma_m``: one sigma an axis, horizontal.
+    A wrong mount shifts the place in a direction that turns, so the target's own motion is not known. ``sigma_m``: one
+    sigma an axis, horizontal.
     """
     variance = sigma_m**2
     return msgspec.structs.replace(

@@ -56,7 +56,7 @@ class LandmarkEstimate(msgspec.Struct, frozen=True):
         """The vehicle's altitude by sights of the landmark that was used most; None before :data:`IN_A_ROW` sights.
 
         The prior is removed with its information, because the error of an altitude above sea level may be more than
-        twice that of the place.
+        twice the error of the place.
         """
         used = max(range(len(self.records)), key=lambda i: self.records[i].used * self._is_used(i))
         if not self._is_used(used) or self.records[used].used < IN_A_ROW:

@@ -24,10 +24,10 @@ EstimateT = TypeVar("EstimateT", bound=LandmarkEstimate)
 
 LEFT_OUT = 30.0
 """Squared Mahalanobis distance of a landmark from its place by all else, beyond which it is left out. It is examined
-once a second, and a right landmark exceeds this once in three million times."""
+once a second, and a right landmark exceeds this once in three million."""
 DOUBTED = 16.3
 """The same distance, beyond which a landmark is left out if it stays there and all others are clearly nearer: a right
-landmark exceeds it once in a thousand times. Of three landmarks, one that is off by 0.4 m is named in 8 of 12 flights
+landmark exceeds it once in a thousand. Of three landmarks, one that is off by 0.4 m is named in 8 of 12 flights
 of 45 s. A batch over the whole flight, linearized at the truth, names it in 9 at the same margin."""
 DOUBTED_TIMES = 10
 """Number of examinations in a row beyond DOUBTED before a landmark is left out."""
@@ -37,7 +37,7 @@ wrong: a likelihood ratio of 90."""
 ALL_LEFT_OUT = 2.0 * LEFT_OUT
 """The same distance as LEFT_OUT, where the flight does not show which of several is wrong: later sights may show it."""
 SUSPECT = 7.8
-"""The same distance, beyond which a landmark is a suspect: a right one exceeds it once in twenty times, and then widens
+"""The same distance, beyond which a landmark is a suspect: a right one exceeds it once in twenty, and then widens
 covariances."""
 
 

@@ -161,7 +161,7 @@ class LandmarkFilter(LandmarkEstimate, frozen=True):
 
         The first sights move the estimate by a metre or two. Linearized at the estimate before them, their
         sensitivities to the altitude differ from those of later sights by a tenth. The filter takes the difference for
-        information: over descents it claimed an altitude to 0.9 m after a second, where 1.5 m can be known.
+        information: over descents it claimed the altitude to 0.9 m after a second, where 1.5 m is possible.
         """
         prepared = first
         for _ in range(ITERATIONS):

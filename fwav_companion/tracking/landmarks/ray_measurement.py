@@ -3,7 +3,7 @@
 An error that turns the ray changes the direction alike at every distance. An error of the camera's place changes it by
 the part of the error across the ray, over the distance. On the ground both effects grow with the height and the tilt of
 the single sight, which hold the noise of the telemetry. Over an orbit with 0.3 m of height noise, the product of that
-noise with the noise of the same sight drew the estimated height by 1.1 m at a claim of 0.1 m.
+noise with the noise of the same sight drew the estimated height by 1.1 m at a claimed accuracy of 0.1 m.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ FARTHEST_M = 5.0
 SENSITIVITY_SHARE = 0.03
 """Relative error of the sensitivities, one sigma: the smoothed path is 0.1 to 0.3 m off at 12 m. Median errors of a
 target 5 m from one landmark after 45 s, over 16 orbits, eights and hovers: 0.111, 0.093 and 0.207 m with 0.01, at mean
-normalised squares of 2.7, 2.1 and 2.5 (2 when honest); 0.116, 0.090 and 0.178 m with 0.035, at 2.6, 1.9 and 2.0. By
-rates, without the pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
+normalised squares of 2.7, 2.1 and 2.5 (2 if consistent); 0.116, 0.090 and 0.178 m with 0.035, at 2.6, 1.9 and 2.0.
+By rates, without the pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
 SENSITIVITY_STEP_S = 6.0
 """Twice the correlation time of that error, seconds: the error stays the same while the geometry does."""
 LEAST_DISTANCE_M = 0.3

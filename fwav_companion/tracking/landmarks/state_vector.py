@@ -7,8 +7,9 @@ wander                  the vehicle's position: error and rate of each process, 
 survey                  north, east and height of each landmark, metres
 ======================  ==============================================================================================
 
-The height above home is barometric and accurate to decimetres. Altitudes above sea level are by the receiver, with 1.5
-to 2 times the error of its place. A target on the home surface depends on the height alone, a landmark on both.
+The height above home is barometric and accurate to decimetres. Altitudes above sea level are the receiver's, with 1.5
+to 2 times the error of its horizontal position. A target on the home surface depends on the height above home alone, a
+landmark on both.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from fwav_companion.tracking.filters.position_wander import process_step
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Landmark, Sighting
 
 ALTITUDE_SHARE = 2.0
-"""Ratio of one sigma of the receiver's altitude to one sigma of its place: 1.5 to 2."""
+"""Ratio of one sigma of the receiver's altitude to one sigma of its horizontal position: 1.5 to 2."""
 
 TIMED = (Bias.TIME_OFFSET, Bias.READOUT)
 LEVERS = (Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z)
 CONSIDERED = (Bias.TERRAIN, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z)
 """Biases that are considered and not estimated: their effects are small, and those of others look alike. With them
-estimated, the best possible claim of a target near a landmark is the same to 0.003 m."""
+estimated, the best possible accuracy of a target near a landmark is the same to 0.003 m."""
 
 
 class SharedErrors:
