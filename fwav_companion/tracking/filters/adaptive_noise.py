@@ -7,30 +7,33 @@ import msgspec
 SCATTER_SHARE = 0.02
 """Forgetting factor: time constant of 50 fixes (8 wing beats of 5 Hz at 30 frames/s)."""
 FIXES_TO_LEARN = 20
-"""Three beats of 5 Hz at 30 frames/s: the effect of a time offset on this target has shown by then."""
+"""Number of fixes that show the effect of a time offset on a target: three wing beats of 5 Hz at 30 frames/s."""
 MOST_SCATTER = 4.0
-"""Largest variance, in those of one sigma of the time offset: two sigma."""
+"""Limit of the observed variance, as a multiple of the variance by one sigma of the time offset: two sigma."""
 LEAST_DOUBT = 0.1
-"""Share of the prior that is always kept: a glide does not show the next beat."""
+"""Smallest share of the time offset's prior that is kept: a glide does not show the next wing beat."""
 
 
 class AdaptiveNoise(msgspec.Struct, frozen=True, gc=False):
-    """Variance of fixes about the estimate beyond their noise, as a constant time offset makes it on a flapping wing.
+    """Observed variance of the fixes of one target about its estimate, in excess of their noise.
 
-    The offset displaces single fixes much farther than their mean, and not in proportion to the present rate. So the
-    variance that its prior allows counts for a new target only, and the observed one for an old target.
+    A constant time offset causes it on a flapping wing: the offset displaces single fixes much farther than their mean,
+    and not in proportion to the present rate. So a new target uses the variance that the prior of the offset allows,
+    and an old target the observed variance.
     """
 
     variance: float = 0.0
-    """Observed variance of each axis, m^2, limited by ``allowed``: clutter must not widen a gate that lets more in."""
+    """Observed variance of each axis, m^2. ``allowed`` limits it: clutter must not widen a gate that lets in more."""
     allowed: float = 0.0
-    """Variance of each axis by the prior of the time offset, running mean over the fixes, m^2."""
+    """Variance of each axis due to the prior of the time offset, running mean over the fixes, m^2."""
     count: int = 1
     """Number of fixes."""
 
     def with_fix(self, distance2: float, expected2: float, thrown2: float) -> AdaptiveNoise:
-        """The noise after one more fix. Squares of both axes together, m^2: distance from the estimate, its expectation
-        by noise alone, and displacement by one sigma of the time offset.
+        """The adaptive noise after one more fix. All squares are sums of both axes, m^2.
+
+        ``distance2``: squared distance of the fix from the estimate; ``expected2``: its expectation by noise alone;
+        ``thrown2``: squared displacement by one sigma of the time offset.
         """
         share = max(SCATTER_SHARE, 1.0 / (self.count + 1))
         allowed = self.allowed + share * (0.5 * thrown2 - self.allowed)
@@ -39,5 +42,5 @@ class AdaptiveNoise(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def doubt(self) -> float:
-        """Share of the time offset's prior that still counts."""
+        """Share of the time offset's prior variance that a gate still includes."""
         return max(LEAST_DOUBT, 1.0 - self.count / FIXES_TO_LEARN)

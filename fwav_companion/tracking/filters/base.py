@@ -1,8 +1,9 @@
-"""The protocol of a filter: states of one target, replaced and never changed.
+"""The protocol of a filter. The state of a target is immutable: an update returns a new one.
 
-A user's filter is a class in a module that Python finds (the current folder too). It is made with the configuration's
-:class:`~fwav_companion.types.ErrorPriors` and follows :class:`Filter`; its states follow :class:`TargetState`.
-``docs/examples/mean_filter.py`` is one that runs: ``replay --allow-code --set tracking.filter=module:Class``.
+A user's filter is a class in a module on Python's search path, which includes the current folder. Its constructor takes
+the configuration's :class:`~fwav_companion.types.ErrorPriors`. The class follows :class:`Filter`, its states follow
+:class:`TargetState`. ``docs/examples/mean_filter.py`` is an example that runs with
+``replay --allow-code --set tracking.filter=module:Class``.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ from fwav_companion.types.tracks import GateResult
 
 
 class TargetEstimate(Protocol):
-    """One target at one instant."""
+    """Estimate of one target at one instant."""
 
     @property
     def position_ned(self) -> Vector3:
-        """Place, NED, metres."""
+        """Position of the target, NED, metres."""
 
     @property
     def cov(self) -> Matrix3:
-        """Covariance of the place by every source of error, NED, m^2."""
+        """Covariance of the position, all sources of error included, NED, m^2."""
 
     @property
     def apparent_ned(self) -> Vector3:
-        """Place plus the present error of the vehicle's position, NED, metres: what single fixes agree with now."""
+        """Position of the target plus the present error of the vehicle's position, as in single fixes, NED, metres."""
 
     @property
     def relative_cov(self) -> Matrix3:
@@ -39,7 +40,7 @@ class TargetEstimate(Protocol):
 
     @property
     def velocity_ned(self) -> Vector3 | None:
-        """Velocity, NED, m/s; None where the filter has none."""
+        """Velocity, NED, m/s; None if the filter does not estimate it."""
 
     @property
     def velocity_cov(self) -> Matrix3 | None:
@@ -60,14 +61,14 @@ class TargetState(TargetEstimate, Protocol):
 
 
 class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
-    """A fix minus the predicted target, horizontal, by the errors that all targets share and by noise."""
+    """Horizontal innovation of a fix, with its sensitivities to the errors that all targets share, and its noise."""
 
     north_m: float
     east_m: float
     shared: tuple[Row, Row]
-    """Sensitivities to shared errors of unit variance, north and east, metres; the last two are the wander's."""
+    """Sensitivities to shared errors of unit variance, north and east, metres; wander, if included, comes last."""
     noise: Symmetric2
-    """Covariance by noise, m^2."""
+    """Covariance of the noise, m^2."""
 
 
 class Filter(Protocol):

@@ -1,4 +1,4 @@
-"""Biases as innovations of many fixes show them: a Kalman filter of their values in sigmas of their priors.
+"""Kalman filter that estimates the biases from the innovations of many fixes, in units of their prior sigmas.
 
 An innovation is ``D b + noise``, with the sensitivities D to the biases b. In numpy::
 
@@ -20,14 +20,14 @@ from fwav_companion.tracking.filters.base import SharedInnovation
 
 
 class BiasResidual(msgspec.Struct, frozen=True, gc=False):
-    """An innovation less what the biases were expected to make of it."""
+    """An innovation minus the effect of the estimated biases."""
 
     north_m: float
     east_m: float
     cov: Symmetric2
-    """S, m^2."""
+    """S, the covariance of the residual, m^2."""
     with_biases: tuple[Row, Row]
-    """P D', north and east, metres."""
+    """P D', the covariance of the biases with the residual, north and east, metres."""
 
     @property
     def area2(self) -> float:
@@ -43,7 +43,7 @@ class BiasResidual(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def log_likelihood(self) -> float:
-        """Logarithm of its likelihood, up to a constant."""
+        """Log-likelihood of the residual, up to a constant."""
         return -0.5 * (log(self.area2) + self.nis)
 
 
@@ -54,14 +54,14 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
     cov: tuple[Row, ...]
 
     def decayed(self, left: Sequence[float]) -> Self:
-        """The biases after these shares of them are left and the rest has returned to their priors."""
+        """The estimate after each bias has decayed towards its prior; ``left``: the share of each that remains."""
         shares = zip(left, self.cov, strict=True)
         cov = [tuple([own * other * c for other, c in zip(left, row, strict=True)]) for own, row in shares]
         mean = tuple([share * bias for share, bias in zip(left, self.mean, strict=True)])
         return replace(self, mean=mean, cov=plus_diagonal(cov, [1.0 - share * share for share in left]))
 
     def residual(self, innovation: SharedInnovation) -> BiasResidual:
-        """The residual of an innovation."""
+        """The residual of an innovation under the estimated biases."""
         (d_n, d_e), (nn, ne, ee) = innovation.shared, innovation.noise
         by_n, by_e = products(self.cov, d_n, d_e)
         return BiasResidual(
@@ -72,7 +72,7 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
         )
 
     def update(self, seen: BiasResidual) -> Self:
-        """The biases after an innovation with this residual."""
+        """The estimate updated with an innovation that has this residual."""
         (by_n, by_e), (nn, ne, ee), scale = seen.with_biases, seen.cov, 1.0 / seen.area2
         gains = [(scale * (a * ee - b * ne), scale * (b * nn - a * ne)) for a, b in zip(by_n, by_e, strict=True)]
         mean = [m + k_n * seen.north_m + k_e * seen.east_m for m, (k_n, k_e) in zip(self.mean, gains, strict=True)]
@@ -84,5 +84,5 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
 
 
 def prior_biases(count: int) -> BiasEstimate:
-    """The biases of which their priors are known."""
+    """The estimate before any innovation: the priors."""
     return BiasEstimate((0.0,) * count, diagonal((1.0,) * count))

@@ -1,9 +1,9 @@
-"""Fixes as measurements of a Schmidt-Kalman filter: noise fresh in each fix, and biases that are considered.
+"""Fixes as measurements of a Schmidt-Kalman filter: their noise is new in each fix, their biases are considered.
 
-A fix is ``truth + noise + J b`` with biases b that are constant through a flight. A filter does not estimate them. It
-carries ``C = cov(error, b / sigma)`` beside the covariance of its noise, so that its covariance never shrinks below
-what averaging leaves (Schmidt 1966). The error of the vehicle's position wanders and comes last in every row: a filter
-may keep it as a state, or let its share decay.
+A fix is ``truth + noise + J b`` with biases b that are constant through a flight. A filter does not estimate the
+biases. It carries ``C = cov(error, b / sigma)`` in addition to the covariance of its noise, so that its covariance
+never shrinks below what averaging leaves (Schmidt 1966). The error of the vehicle's position wanders, and its entries
+come last in every row: a filter may keep it as a state, or let its share decay.
 """
 
 from __future__ import annotations
@@ -22,36 +22,38 @@ from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_S
 from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix
 
 Rows: TypeAlias = tuple[Row, Row, Row]
-"""North, east, down by the biases in use."""
+"""Rows north, east and down, with one entry for each bias in use."""
 
 BiasShare: TypeAlias = tuple[int, float, float]
 """Index of one of the biases in use, and its scaled sensitivities: north, east."""
 
 DOWN_FLOOR_M2 = 0.02**2
-"""Least variance of a ground's level, m^2: keeps the algebra regular where a plane leaves the height without error."""
+"""Least variance of the ground's level, m^2: keeps the algebra regular where a plane gives a height without error."""
 MOST_TURN_COSINE = 0.7
-"""45 degrees: noise turns a line of sight by more only right above the target, where its azimuth does not matter."""
+"""Cosine of 45 degrees, the largest angle by which ``turned_toward`` rotates noise. Noise turns a line of sight by more
+only right above the target, where its azimuth does not matter."""
 SENSITIVITY_SHARE = 0.25
 """Relative error of the sensitivities to attitude, mount and height, one sigma, that the gain allows for.
 
-Over a descent from 15 m they change fifteenfold, and the gain uses that. Over a hover they change by a fifth with the
-beat of the wings: a gain that uses that, too, multiplies the noise for little. At 0.07, 0.15 and 0.30 the error at the
-end was, median / worst: hover without any bias 0.08 / 0.13, 0.014 / 0.024, 0.005 / 0.009 m; eight with the camera 35 ms
-late and the mount off by 0.5, 1, 2 deg 0.11 / 0.26, 0.09 / 0.23, 0.09 / 0.16 m; descent with the mount off by 1 deg
-0.021 / 0.08, 0.025 / 0.07, 0.026 / 0.07 m."""
+Over a descent from 15 m the sensitivities change fifteenfold, and the gain uses that. Over a hover they change by a
+fifth with the beat of the wings: a gain that uses this change, too, multiplies the noise and gains little. With 0.07,
+0.15 and 0.30 the error at the end was, median / worst: hover without any bias 0.08 / 0.13, 0.014 / 0.024, 0.005 /
+0.009 m; figure-eight with the camera 35 ms late and the mount off by 0.5, 1, 2 deg 0.11 / 0.26, 0.09 / 0.23, 0.09 /
+0.16 m; descent with the mount off by 1 deg 0.021 / 0.08, 0.025 / 0.07, 0.026 / 0.07 m."""
 SENSITIVITY_STEP_S = 6.0
-"""Twice the correlation time of that error: it stays the same while the geometry does."""
+"""Twice the correlation time of that error, seconds: the error stays the same while the geometry does."""
 FIRST_SENSITIVITY_S = 0.1
-"""Interval that counts for the first fix of a target, which has none. With the whole correlation time its own noise
-would stay in the mean of the first seconds; with a frame's interval its claim would be several times too wide."""
+"""Interval assumed for the first fix of a target, seconds, because no fix precedes it. With the whole correlation time
+its noise would stay in the mean of the first seconds; with a frame's interval its sigma would be several times too
+wide."""
 WANDERING = (Bias.POSITION_NORTH, Bias.POSITION_EAST)
 
 
 class Measurement(msgspec.Struct, frozen=True, gc=False):
-    """A fix as a filter takes it."""
+    """A fix in the form that a filter processes."""
 
     position: Vector3
-    """Metres, NED."""
+    """Position of the fix, NED, metres."""
     noise: Matrix3
     """Covariance of the noise, m^2."""
     shared: Rows
@@ -61,12 +63,12 @@ class Measurement(msgspec.Struct, frozen=True, gc=False):
 
 
 LINEAR_DELAY_S = 0.02
-"""One sigma of the time offset up to which it displaces a fix in proportion to its sensitivities: 0.6 rad of a wing
+"""Largest sigma of the time offset, seconds, that displaces a fix in proportion to its sensitivities: 0.6 rad of a wing
 beat of 5 Hz, whose sine is 6 % less."""
 
 
 class ConsiderBiases:
-    """The biases with a prior, their scales, and the noise that fixes share for a while."""
+    """Converts fixes to measurements: knows the biases with a prior, their scales, and the noise that fixes share."""
 
     __slots__ = (
         "_delayed",
@@ -93,7 +95,7 @@ class ConsiderBiases:
         """Index of the time offset."""
         columns = [(int(bias), priors.sigma(bias)) for bias in used]
         self.curved = None if self.timed is None else len(columns)
-        """Index of the time offset's square, by which a fix on a flapping wing is displaced to second order."""
+        """Index of the time offset's square, which displaces a fix on a flapping wing to second order."""
         if self.curved is not None:
             columns.append((BIAS_COUNT, priors.sigma(Bias.TIME_OFFSET)))
         self.wandering = len(columns)
@@ -113,8 +115,8 @@ class ConsiderBiases:
         return next((i for i, (each, _) in enumerate(self._used) if each == bias), None)
 
     def prepared(self, fix: GroundFix) -> Measurement:
-        """The fix alone with its scaled Jacobian; prepared once for all tracks of a frame."""
-        remembered = self._remembered.get(id(fix))  # which keeps the fix, so no other one has its identity
+        """The measurement of a fix alone, with its scaled Jacobian; computed once for all tracks of a frame."""
+        remembered = self._remembered.get(id(fix))  # the entry keeps the fix, so no other fix has its identity
         if remembered is not None:
             return remembered[1]
         if fix.sighting.frame_host_ns != self._frame_ns:
@@ -127,11 +129,11 @@ class ConsiderBiases:
         return prepared
 
     def decorrelated(self, fix: GroundFix, since_s: float, toward_ned: Vector3 | None = None) -> Measurement:
-        """The fix with its noise inflated for time correlation: ``since_s`` after the track's last one.
+        """The measurement of a fix with its noise inflated for time correlation; ``since_s``: since the track's last.
 
-        Fixes closer than TELEMETRY_STEP_S share one sample of position and height, those closer than the interval of
-        the attitudes one attitude (Bar-Shalom, Li & Kirubarajan 2001, ch. 8). ``toward_ned``: the estimated target; the
-        noise is then that of a line of sight in its azimuth.
+        Fixes closer than TELEMETRY_STEP_S share one sample of position and height, and fixes closer than the interval
+        of the attitudes share one attitude (Bar-Shalom, Li & Kirubarajan 2001, ch. 8). ``toward_ned``: estimated
+        position of the target; the noise is then rotated into its azimuth.
         """
         prepared, priors = self.prepared(fix), self.priors
         noise = prepared.noise
@@ -152,8 +154,8 @@ class ConsiderBiases:
     def relinearized(
         self, measurement: Measurement, fix: GroundFix, columns: Sequence[tuple[float, float]], since_s: float
     ) -> Measurement:
-        """The measurement of a fix with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, with
-        their own error as noise, and with what its time offset does to second order.
+        """The measurement of a fix with other sensitivities ``columns``: d(north, east)/d(bias), in the order of
+        SENSITIVE. Their error is added to the noise, and the second-order effect of the time offset to the rows.
         """
         north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
         nn = ne = ee = 0.0
@@ -166,13 +168,13 @@ class ConsiderBiases:
         return _less_certain(measurement, (tuple(north), tuple(east), down), (nn, ne, ee), since_s)
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
-        """The measurement with the error of its sensitivities in its noise."""
+        """The measurement with the error of its sensitivities added to its noise."""
         (north, east, _), sensitive = measurement.shared, [i for i, _, _ in self._sensitive]
         by_sensitivities = gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
         return _less_certain(measurement, measurement.shared, by_sensitivities, since_s)
 
     def curved_by_delay(self, measurement: Measurement, fix: GroundFix) -> Measurement:
-        """The measurement of a fix with what its time offset does to second order."""
+        """The measurement of a fix with the second-order effect of the time offset in its rows."""
         i = self.curved
         if i is None:
             return measurement
@@ -182,12 +184,12 @@ class ConsiderBiases:
         return Measurement(measurement.position, measurement.noise, shared, measurement.gate)
 
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
-        """What the position delay does to a measurement; None where it has no prior."""
+        """Sensitivity of a measurement to the position delay; None where that has no prior."""
         i = self._delayed
         return None if i is None else (i, measurement.shared[0][i], measurement.shared[1][i])
 
     def shares(self, shared: tuple[Row, Row]) -> dict[Bias, float]:
-        """Horizontal variance of an estimate by each bias in use, m^2. ``shared``: C, north and east."""
+        """Horizontal variance of an estimate due to each bias in use, m^2. ``shared``: C, north and east."""
         shares = {i: n * n + e * e for (i, _), n, e in zip(self._used, *shared, strict=True)}
         if self.curved is not None:
             shares[Bias.TIME_OFFSET] += shares.pop(BIAS_COUNT)
@@ -204,7 +206,10 @@ class ConsiderBiases:
 
 
 def _less_certain(measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float) -> Measurement:
-    """The measurement with these rows, and with their error in its noise. ``by_sensitivities``: the rows' own gram."""
+    """The measurement with the rows ``shared``, and with their error added to its noise.
+
+    ``by_sensitivities``: Gram matrix of the rows' entries for SENSITIVE, m^2.
+    """
     share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
     ((nn, ne, nd), (_, ee, ed), down), (by_nn, by_ne, by_ee) = measurement.noise, by_sensitivities
     nn, ne, ee = nn + share * by_nn, ne + share * by_ne, ee + share * by_ee
@@ -212,10 +217,11 @@ def _less_certain(measurement: Measurement, shared: Rows, by_sensitivities: Symm
 
 
 def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:
-    """The noise of a fix, turned into the azimuth of the target.
+    """The covariance of a fix's noise, rotated into the azimuth of the target.
 
-    A fix is certain across its own line of sight, and its own noise has turned that line. Many fixes weighed so agree
-    best where all lines meet: at the camera. The target is then drawn nearer by centimetres that no claim covers.
+    A fix is certain across its own line of sight, but its noise has turned that line. Many fixes with such weights
+    agree best where all lines meet: at the camera. They would draw the estimate towards the camera by centimetres that
+    its covariance does not cover.
     """
     camera_n, camera_e, _ = fix.sighting.camera_ned
     fix_n, fix_e = fix.position_ned[0] - camera_n, fix.position_ned[1] - camera_e

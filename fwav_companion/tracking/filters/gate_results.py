@@ -1,6 +1,6 @@
-"""Gating statistics of many fixes against one point: the normalised innovation squared, and what its gate covers.
+"""Gating statistics of many fixes against one point: normalised innovation squared, and log determinant ratio.
 
-Every frame asks for each pair of a track and a fix: the fixes that either axis excludes are left first.
+Every frame needs them for each pair of a track and a fix, so fixes that one axis alone excludes are rejected first.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 def gate_results(
     estimate: PointEstimate, scatter: AdaptiveNoise, fixes: Sequence[Measurement], timed: int | None
 ) -> list[GateResult]:
-    """Gating statistics of fixes; errors that they share with the estimate cancel."""
+    """Gating statistics of fixes; errors shared with the estimate cancel. ``timed``: index of the time offset."""
     (own_n, own_e), (p_nn, p_ne, p_ee) = estimate.shared, estimate.noise
     north_m, east_m, certain = estimate.north_m, estimate.east_m, 1.0 - scatter.doubt
     p_nn, p_ee, own2 = p_nn + scatter.variance, p_ee + scatter.variance, dist(own_n, own_e) ** 2

@@ -1,13 +1,13 @@
-"""Gates: the largest normalised innovation squared (NIS) of a fix that may be a target's."""
+"""Gates on the normalised innovation squared (NIS) of a fix."""
 
 from __future__ import annotations
 
 from fwav_companion.types import Detection
 
 GATE = 16.0
-"""With 2 degrees of freedom: a true fix lies beyond it once in 3000 times."""
+"""Gate on the NIS, 2 degrees of freedom: a true fix exceeds it once in 3000 times."""
 ID_GATE = 4.0 * GATE
-"""With the detector's own id in favour: trackers swap ids, but seldom to something that far away."""
+"""Gate of a fix with the detector id of the target: detectors' trackers swap ids, but seldom to something that far."""
 
 
 def widest_gate(detection: Detection) -> float:

@@ -1,4 +1,4 @@
-"""The Kalman filter of a target that stands."""
+"""Schmidt-Kalman filter of a static target."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from fwav_companion.tracking.filters.standing import StandingModel, StandingTarg
 from fwav_companion.types import ErrorPriors, GroundFix
 
 OWN_RAY = 0.05
-"""Noise of one reported position over the height beyond which sensitivities are taken at the ray of the fix, and not at
-the predicted target. From 1 m, 0.1 m turns the line to that by 6 degrees, and a height bias of 0.5 m then seems to move
-it: where a position erred by 0.3 m, the place relative to the vehicle was 0.2 m off at a claim of 0.055 m. The noise of
-the ray itself, 0.1 degrees of attitude, is little there."""
+"""Ratio of the noise of one reported position to the height, beyond which sensitivities are taken at the ray of the fix
+and not at the linearization point. From 1 m of height, 0.1 m turns the line to that point by 6 degrees, and a height
+bias of 0.5 m then seems to move the target: where a position erred by 0.3 m, the place relative to the vehicle was
+0.2 m off with a sigma of 0.055 m. The noise of the ray itself, 0.1 degrees of attitude, is small there."""
 
 
 class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False):
-    """A standing target by the gain of least total covariance: near fixes count for more, their biases are smaller."""
+    """State of a static target. The gain of least total covariance prefers near fixes, as their biases are smaller."""
 
     point: LinearizationPoint
-    """Where sensitivities are taken."""
+    """Point at which sensitivities are evaluated."""
     jump: ManeuverLag = ManeuverLag()
     """Running mean of the innovations, which shows a jump of the vehicle's position."""
 
@@ -37,7 +37,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         return self.under(self.model.wander_at(fix))._updated(fix, since_s)
 
     def measured(self, fix: GroundFix) -> Measurement:
-        """A fix of this instant as :meth:`update` takes it."""
+        """The measurement that :meth:`update` makes of a fix of this instant."""
         return self._measured(fix, s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns))[1]
 
     def _updated(self, fix: GroundFix, since_s: float) -> Self:
@@ -48,7 +48,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
         state = self
         if self.wander.sigma_m > 0.0 and jump.is_turn(innovation.cov, JUMPED):
-            # The position has jumped beyond any doubt, and is free to have moved by as much as the last fixes agree.
+            # The vehicle's position has certainly jumped: its variance grows by the square of the mean innovation.
             (nn, ne, _), (_, ee, _), _ = jump.position_cov
             before, jump = before.with_noise((nn, ne, ee)), ManeuverLag()
             if self.wandering is not None:
@@ -80,7 +80,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         )
 
     def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement, Matrix3]:
-        """The fix with the sensitivities at the linearization point, that point, and the noise of the fix alone."""
+        """The linearization point after a fix, the measurement with sensitivities there, and the fix's own noise."""
         errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
         if not is_level(fix):
@@ -99,7 +99,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
 
 
 class StaticKalman:
-    """Initiates standing targets."""
+    """Initiates static targets."""
 
     __slots__ = ("model",)
 

@@ -1,10 +1,10 @@
-"""The point at which the sensitivities of a fix to its biases are taken: near the fix, but without its noise.
+"""The point at which the sensitivities of a fix to its biases are evaluated: near the fix, but without its noise.
 
-A Schmidt gain compares the sensitivities of fixes with one another. Taken at the fix itself they hold the same noise of
-attitude and height as the fix, and the gain takes that for information about mount and height: a hover with 0.3 m of
-height noise ended 2.2 m off at a normalised square of 7 (1.1 m and 1.7 at this point). Taken at the predicted target
-they are wrong near the ground, where an error of the prediction is as large as the height. So the point follows the
-fixes: it is their running mean, seen from the camera at a smoothed height.
+A Schmidt-Kalman gain compares the sensitivities of fixes with one another. Sensitivities at the fix itself contain its
+noise of attitude and height, and the gain takes that noise for information about mount and height: a hover with 0.3 m
+of height noise ended 2.2 m off with a normalised squared error of 7 (at this point 1.1 m and 1.7). Sensitivities at the
+predicted target are wrong near the ground, where an error of the prediction is as large as the height. So the point
+follows the fixes: it is their running mean, seen from the camera at a smoothed height.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ MEAN_S = 0.7
 """Time constant of the running mean of the fixes, seconds: three wing beats of 5 Hz. Between 0.5 and 1 s the errors
 at the end of hovers, descents and eights differ by less than a tenth."""
 CLIMB_DENSITY = 0.05
-"""Density of the vertical acceleration, m^2/s^3: 0.2 m/s of climb gained or lost within a second."""
+"""Spectral density of the vertical acceleration, m^2/s^3: the climb changes by 0.2 m/s within a second."""
 START_CLIMB_VARIANCE = 1.0
 """Variance of the first vertical speed, (m/s)^2."""
 LEAST_HEIGHT_SIGMA_M = 0.02
-"""Smallest sigma of one height: its resolution and the level of the ground."""
+"""Smallest sigma of one height, metres: its resolution, and the level of the ground."""
 SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT, Bias.TARGET_HEIGHT)
-"""Biases whose sensitivities hold the noise of a fix."""
+"""Biases whose sensitivities contain the noise of the fix."""
 TELEMETRY_STEP_S = 0.1
-"""Interval of heights and positions ([rates] position = 10 Hz), between which they are interpolated."""
+"""Interval of reported heights and positions, seconds ([rates] position = 10 Hz); they are interpolated in between."""
 SLOWEST = 1e-3
-"""Smallest angular frequency of a swing, rad/s: slower ones are as good as constant accelerations."""
+"""Smallest angular frequency of a swing, rad/s: a slower swing is as good as a constant acceleration."""
 
 
 class LinearizationPoint(msgspec.Struct, frozen=True, gc=False):
-    """Smoothed height above the target, and running mean of the fixes."""
+    """Point at which sensitivities are evaluated: smoothed height above the target, and running mean of the fixes."""
 
     height_m: float
     """Height of the camera above the target's ground, metres."""
@@ -54,7 +54,7 @@ class LinearizationPoint(msgspec.Struct, frozen=True, gc=False):
     ) -> LinearizationPoint:
         """The point after one more fix.
 
-        The height is that of a Kalman filter of nearly constant vertical velocity; ``sigma_m``: its noise.
+        A Kalman filter of nearly constant vertical velocity smooths the height. ``sigma_m``: noise of ``height_m``.
         """
         dt, (hh, hc, cc), count = interval_s, self.height_cov, self.count + 1
         predicted_m = self.height_m + dt * self.climb_m_s
@@ -82,20 +82,20 @@ def first_point(fix: GroundFix, sigma_m: float) -> LinearizationPoint:
 
 
 def height_variance(sigma_m: float, interval_s: float) -> float:
-    """The variance of one height as independent noise: heights between two samples of telemetry repeat them."""
+    """Variance of one height, as if its noise were independent: heights between two telemetry samples repeat them."""
     repeats = max(1.0, TELEMETRY_STEP_S / max(interval_s, 1e-3))
     return max(sigma_m * sigma_m, LEAST_HEIGHT_SIGMA_M**2) * repeats
 
 
 def is_level(fix: GroundFix) -> bool:
-    """Whether the sensitivities at another point are known without the ground: level, with a height above home."""
+    """Whether sensitivities at another point need no terrain: the ground is level, and the height is above home."""
     return fix.ground == "home" and not fix.sighting.relative
 
 
 def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float) -> tuple[tuple[float, float], ...]:
-    """d(north, east)/d(bias) of a sight of the level ground at (north, east) from the camera, ``height_m`` below it.
+    """d(north, east)/d(bias) of a point on level ground, (north, east) from the camera and ``height_m`` below it.
 
-    A column for each of SENSITIVE: those of ``localization.propagation`` at the fix itself.
+    One column for each bias of SENSITIVE. At the fix itself they equal those of ``localization.propagation``.
     """
     ray = (north_m, east_m, height_m)
     x, y, z = body_axes_ned(fix.sighting.state.ned_from_carrier)
@@ -113,7 +113,7 @@ def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float
 
 
 def _turned(axis: Vector3, ray: Vector3) -> tuple[float, float]:
-    """d(north, east)/d(rotation w about an axis) of a point on the ground: w x r, less the way along the ray r."""
+    """d(north, east)/d(rotation w about an axis) of a point on the ground: w x r, then along the ray r to ground."""
     (x, y, z), (north_m, east_m, height_m) = axis, ray
     down = x * east_m - y * north_m
     return (
@@ -123,12 +123,12 @@ def _turned(axis: Vector3, ray: Vector3) -> tuple[float, float]:
 
 
 def delay_curvature(fix: GroundFix, sigma_s: float) -> tuple[float, float]:
-    """One sigma of what a delay of this sigma does to a fix beyond its sensitivity: north and east, metres.
+    """One sigma of the second-order displacement of a fix by a delay of this sigma, north and east, metres.
 
     The ray r to level ground turns at the rate w with the acceleration a. With the relative change of its length
-    k = (w x r)_z / r_z, it is r' = w x r - k r and r'' = a x r + w x r' - k r' - k' r. A fix that swings as sin(f t) is
-    displaced by r'' (1 - cos(f d)) / f^2. Over the delays d that is uncorrelated with sin(f d), and its sigma is
-    (1 - exp(-f^2 sigma^2)) / sqrt(2) times r'' / f^2: for slow swings r'' sigma^2 / sqrt(2).
+    k = (w x r)_z / r_z, its derivatives are r' = w x r - k r and r'' = a x r + w x r' - k r' - k' r. A fix that swings
+    as sin(f t) is displaced by r'' (1 - cos(f d)) / f^2. Over the delays d this is uncorrelated with sin(f d), and its
+    sigma is (1 - exp(-f^2 sigma^2)) / sqrt(2) times r'' / f^2: for slow swings r'' sigma^2 / sqrt(2).
     """
     state, (north_m, east_m, down_m) = fix.sighting.state, fix.position_ned
     camera_n, camera_e, camera_d = fix.sighting.camera_ned

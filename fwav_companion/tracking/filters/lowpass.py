@@ -1,8 +1,8 @@
 """The paper's first-order low-pass, in the NED frame, so that it does not lag behind the vehicle's own motion.
 
-With ``alpha_rate_hz`` = 0 it is the paper's recursion, u_k = alpha x_(k-1) + (1 - alpha) u_(k-1). Otherwise it is its
-form for any interval, u_k = u_(k-1) + a (x_k - u_(k-1)) with a = 1 - (1 - alpha)^(dt alpha_rate_hz). Both begin at
-their first sample. The covariance is exact for that recursion, biases included: averaging does not remove them.
+With ``alpha_rate_hz`` = 0 it is the paper's recursion, u_k = alpha x_(k-1) + (1 - alpha) u_(k-1). Otherwise it is the
+form for any interval, u_k = u_(k-1) + a (x_k - u_(k-1)) with a = 1 - (1 - alpha)^(dt alpha_rate_hz). Both start at
+their first sample. The covariance is exact for the recursion, biases included: averaging does not remove them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fwav_companion.types import ErrorPriors, GroundFix
 
 
 class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False):
-    """u_k and, in the paper's form, the sample x_k that enters only at the next one."""
+    """State of the low-pass: u_k and, in the paper's form, the sample x_k, which enters only with the next sample."""
 
     filter: LowPass
     waiting: Measurement | None = None
@@ -49,19 +49,19 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=Fals
         )
 
     def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:
-        """One blend. What of the position error is in u is in it as it was when its samples came."""
+        """The state after one step of the recursion. u contains the position errors at the times of its samples."""
         apparent = self.before(host_ns).mixed(sample, sample.noise, share)
         return replace(self, apparent=apparent, down=self.down.update(sample, share))
 
     @property
     def _place(self) -> PointEstimate:
-        """U with the whole prior of the position error: a low-pass of less than a second averages none of it."""
+        """The estimate u with the whole prior of the position error, which less than a second does not average out."""
         variance = self.wander.sigma_m**2
         return self.apparent.with_noise((variance, 0.0, variance))
 
 
 class LowPass:
-    """Initiates low-passes, and gives the share of a new sample."""
+    """The low-pass filter: initiates targets, and computes the gain of a new sample."""
 
     __slots__ = ("_model", "alpha", "alpha_rate_hz")
 
@@ -71,7 +71,7 @@ class LowPass:
         self._model = StandingModel(priors)
 
     def share(self, since_s: float) -> float:
-        """The share of a sample ``since_s`` seconds after the one before."""
+        """The gain of a sample ``since_s`` seconds after the previous one."""
         if self.alpha_rate_hz == 0.0:
             return self.alpha
         return 1.0 - pow(1.0 - self.alpha, max(0.0, since_s) * self.alpha_rate_hz)

@@ -1,8 +1,8 @@
 """Manoeuvre detection by the fading mean of innovations (Bar-Shalom, Li & Kirubarajan 2001, ch. 11).
 
-A filter of constant velocity follows a walker who turns around too late by metres, and loses the track. The fixes then
-lie on one side of the prediction. Noise scatters them to all sides, a time offset forward and back with every wing
-beat: the running mean of the innovations separates the three. A jump of the vehicle's position shows in the same way.
+A constant-velocity filter lags by metres behind a walker who turns around, and loses the track. The fixes then lie on
+one side of the prediction. Noise scatters them to all sides, a time offset forward and back with every wing beat: the
+running mean of the innovations separates the three causes. A jump of the vehicle's position shows in the same way.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ SHARE = 0.15
 MEAN_VARIANCE = SHARE / (2.0 - SHARE)
 """Variance of the running mean over that of a single innovation."""
 JUMPED = 20.0
-"""Squared Mahalanobis distance of the running mean (2 degrees of freedom): noise alone exceeds it once in 20 000."""
+"""Threshold of a jump: squared Mahalanobis distance of the running mean (2 degrees of freedom), which noise alone
+exceeds once in 20 000 times."""
 TURNED = 9.0
-"""The same for a target that moves: noise alone exceeds it once in 90, and freeing a target that did not turn costs
-little. Of a walker who stops, turns and walks on, the error falls from 0.36 m (at 20) to 0.24; that of a walker by the
-model's own random accelerations is 1.06 times the optimum (1.00; at 7 it is 1.12)."""
+"""Threshold of a turn of a moving target, same statistic: noise alone exceeds it once in 90 times, and inflating the
+covariance of a target that did not turn costs little. The error of a walker who stops, turns and walks on falls from
+0.36 m (at 20) to 0.24; that of a walker with the model's own random accelerations is 1.06 times the optimum (1.00; at 7
+it is 1.12)."""
 LAGS = 0.8
-"""Share of the square of the mean in the variance of the position: until it shows a turn, the estimate lags by as much.
-Of the walker who turns 96 % of the claims of 95 % hold (70 without, and at 20); that of a steady walker is 5 to 9 %
-wider."""
+"""Share of the squared running mean in the variance of the position: until a turn is detected, the estimate lags by the
+mean. For the walker who turns, 96 % of the 95 % regions hold the truth (70 without, and at 20); those of a steady
+walker are 5 to 9 % wider."""
 MOST_NIS = 28.0
-"""Largest normalised square of one innovation in the running mean: larger ones are shortened to it (Huber 1964). A turn
-then shows in two innovations at least; a single one beyond 5 sigma would show it alone, and is a false detection."""
+"""Largest NIS of one innovation in the running mean: longer innovations are shortened to it (Huber 1964). A turn then
+needs two innovations at least; otherwise one beyond 5 sigma, which is a false detection, would show a turn alone."""
 
 
 class ManeuverLag(msgspec.Struct, frozen=True, gc=False):
@@ -50,7 +52,7 @@ class ManeuverLag(msgspec.Struct, frozen=True, gc=False):
         )
 
     def with_clipped(self, north_m: float, east_m: float, since_s: float, expected: Symmetric2) -> ManeuverLag:
-        """The mean with one more innovation, shortened to MOST_NIS by ``expected``, the covariance by noise."""
+        """The mean with one more innovation, shortened to MOST_NIS. ``expected``: its covariance by noise, m^2."""
         nn, ne, ee = expected
         weighted = ee * north_m * north_m - 2.0 * ne * north_m * east_m + nn * east_m * east_m
         most = MOST_NIS * (nn * ee - ne * ne)
@@ -58,15 +60,15 @@ class ManeuverLag(msgspec.Struct, frozen=True, gc=False):
         return self.with_fix(share * north_m, share * east_m, since_s)
 
     def is_turn(self, expected: Symmetric2, beyond: float) -> bool:
-        """Whether the mean exceeds what ``expected``, the covariance of a single innovation, allows.
+        """Whether the mean is too large for noise.
 
-        ``beyond``: the largest squared Mahalanobis distance of noise.
+        ``expected``: covariance of a single innovation; ``beyond``: threshold of the squared Mahalanobis distance.
         """
         n, e, (nn, ne, ee) = self.north_m, self.east_m, expected
         return ee * n * n - 2.0 * ne * n * e + nn * e * e > beyond * MEAN_VARIANCE * (nn * ee - ne * ne)
 
     @property
     def position_cov(self) -> Matrix3:
-        """Covariance of the position by this one deviation, m^2."""
+        """Covariance of the position due to this lag: outer product of the mean with itself, m^2."""
         n, e = self.north_m, self.east_m
         return ((n * n, n * e, 0.0), (n * e, e * e, 0.0), (0.0, 0.0, 0.0))

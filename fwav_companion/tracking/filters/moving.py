@@ -1,7 +1,7 @@
-"""The Kalman filter of a target that moves at nearly constant velocity.
+"""Schmidt-Kalman filter of a target that moves at nearly constant velocity.
 
-State: position and velocity. Both carry their covariance with the biases (``schmidt_kalman``), so the covariance of the
-velocity, too, has a constant time offset and a wandering position in it. The gain is that of the noise.
+The state is position and velocity. Both carry their covariance with the biases (``schmidt_kalman``), so the covariance
+of the velocity, too, includes a constant time offset and a wandering position. The gain is computed from the noise.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 
 START_SPEED_M_S = 3.0
-"""One sigma of each axis of an unknown velocity: people, animals, vehicles on a field."""
+"""One sigma of each horizontal axis of an unknown velocity, m/s: people, animals, vehicles on a field."""
 START_CLIMB_M_S = 0.3
-"""One sigma of an unknown vertical velocity: targets are on the ground."""
+"""One sigma of an unknown vertical velocity, m/s: targets are on the ground."""
 
 ACCELERATION_DENSITY = 0.03
-"""m^2/s^3, horizontal, white: at 30 fixes/s of 0.1 m the velocity settles at 0.13 m/s one sigma, and a walker who turns
-about within two seconds is lagged by 0.1 m."""
+"""Spectral density of the white horizontal acceleration, m^2/s^3: at 30 fixes/s of 0.1 m the velocity settles at
+0.13 m/s one sigma, and the estimate lags by 0.1 m behind a walker who turns around within two seconds."""
 UNSEEN_DENSITY = 0.5
 """The same for a target without a fix for UNSEEN_S, which may have turned around: one sigma is 13 m after ten
 seconds. A walker who turned is 30 m from the predicted place by then."""
@@ -49,7 +49,7 @@ UNSEEN_S = 1.0
 LEAST_TURN_S = 0.02
 """Least duration of a turn: one frame of a fast camera."""
 CLIMB_DENSITY = 0.0003
-"""m^2/s^3, vertical."""
+"""Spectral density of the vertical acceleration, m^2/s^3."""
 
 
 class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
@@ -75,7 +75,7 @@ class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def cov(self) -> Matrix3:
-        """Covariance by every source of error, NED, m^2. Older errors of the vehicle's position are not kept."""
+        """Covariance of the position by all errors, NED, m^2. Older errors of the vehicle's position are not kept."""
         return _with_biases(self._lagging, self.shared, self.errors.count)
 
     @property
@@ -85,21 +85,21 @@ class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Covariance without the vehicle's position, NED, m^2."""
+        """Covariance of the position without the error of the vehicle's position, NED, m^2."""
         return _with_biases(self._lagging, self.shared, self.errors.wandering)
 
     @property
     def _lagging(self) -> Matrix3:
-        """Covariance of the position by noise, and by a turn that has not shown itself yet, m^2."""
+        """Covariance of the position by noise, and by a turn that is not detected yet, m^2."""
         return add_matrices(self.noise, scaled(self.lag.position_cov, LAGS))
 
     @property
     def velocity_cov(self) -> Matrix3:
-        """(m/s)^2, NED."""
+        """Covariance of the velocity, NED, (m/s)^2."""
         return _with_biases(self.velocity_noise, self.velocity_shared, self.errors.count)
 
     def predict(self, host_ns: HostNs) -> MovingTargetState:
-        """The state at a later instant: moved by its velocity, less certain by unknown acceleration."""
+        """The state at a later instant: moved by its velocity, with process noise of the unknown acceleration."""
         dt = s_from_ns(host_ns - self.host_ns)
         if dt <= 0.0:
             return self
@@ -122,7 +122,7 @@ class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
         return gate_results(place, self.scatter, (self.errors.prepared(fix),), self.errors.timed)[0]
 
     def update(self, fix: GroundFix) -> MovingTargetState:
-        """The state after a fix by the gain of least noise and observed scatter; a target that turned is freed."""
+        """The state after a fix, by the gain of least noise and observed scatter; a turn inflates the covariance."""
         host_ns = fix.sighting.frame_host_ns
         since_s = s_from_ns(host_ns - self.fixed_ns)
         measurement = self.errors.decorrelated(fix, since_s, self.position_ned)
@@ -138,7 +138,7 @@ class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
         return add_diagonal(add_matrices(self.noise, noise), self.scatter.variance, 0.0)
 
     def _turned(self, lag: ManeuverLag) -> MovingTargetState:
-        """The state with the uncertainty of a target that turned as long ago as the mean looks back."""
+        """The state with the covariance of a target that turned ``lag.back_s`` ago."""
         off, per_s = lag.position_cov, 1.0 / max(lag.back_s, LEAST_TURN_S)
         return replace(
             self,
@@ -148,9 +148,9 @@ class MovingTargetState(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def _updated(self, measurement: Measurement, lag: ManeuverLag, host_ns: HostNs) -> MovingTargetState:
-        """The state after a measurement: gains K = P inv(S) and L = C' inv(S), S with the observed scatter.
+        """The state after a measurement: gains K = P inv(S) and L = C' inv(S), with the observed scatter in S.
 
-        The covariances are in Joseph's form by blocks, which holds for any gain.
+        C is ``cross``. The covariances are updated in Joseph form by blocks, which holds for any gain.
         """
         inverse = symmetric_inverse(self._expected(measurement.noise))
         gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
@@ -186,7 +186,7 @@ class MovingKalman:
         self._errors = ConsiderBiases(priors)
 
     def initiate(self, fix: GroundFix) -> MovingTargetState:
-        """The state after the first fix: there, at any walking or driving speed."""
+        """The state after the first fix: at its position, with any walking or driving speed in the covariance."""
         host_ns, measurement = fix.sighting.frame_host_ns, self._errors.prepared(fix)
         nothing = (0.0,) * self._errors.count
         return MovingTargetState(
@@ -234,7 +234,7 @@ def _plus(rows: Rows, others: Rows, factor: float) -> Rows:
 
 
 def _corrected(rows: Rows, gain: Matrix3, off: Rows) -> Rows:
-    """C + K (J - C_position). ``off``: the difference."""
+    """C + K (J - C_position). ``off``: J - C_position."""
     n, e, d = (
         tuple([c + k_n * x + k_e * y + k_d * z for c, x, y, z in zip(row, *off, strict=True)])
         for row, (k_n, k_e, k_d) in zip(rows, gain, strict=True)

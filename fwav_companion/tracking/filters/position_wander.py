@@ -1,19 +1,20 @@
-"""The target's place, and the error of the vehicle's position, from the apparent place that fixes show.
+"""Estimation of the target's place and of the error of the vehicle's position, from the apparent place of the fixes.
 
-The apparent place is the place plus the present error of the vehicle's position. That error is a sum of critically
-damped second-order Gauss-Markov processes (Gelb 1974, ch. 2): receivers' errors move smoothly. A first-order process
-with the same sigma and time constant would move by 0.18 m within a second (1 m, 60 s), this one by 0.03 m. Its
-correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-order process with the time constant
-``2 / w``.
+The apparent place is the place plus the present error of the vehicle's position. That error is modelled as a sum of
+critically damped second-order Gauss-Markov processes (Gelb 1974, ch. 2), because receivers' errors move smoothly. With
+the same sigma and time constant (1 m, 60 s) a first-order process would move by 0.18 m within a second, this one by
+0.03 m. Its correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-order process with the time
+constant ``2 / w``.
 
-Where the time constant is not known, the error is a sum of several: the mean of their correlations is the correlation
-of an error whose time constant is drawn among them, so that the claim holds in the mean over receivers.
+Where the time constant is not known, the error is a sum of several processes. The mean of their correlations is the
+correlation of an error whose time constant is drawn among theirs, so the covariance is right in the mean over
+receivers.
 
-Not every error is smooth. As far as the fixes show a first-order one (``wander_evidence``), the apparent place moves as
-that does. The claim of the place hardly depends on it: both have the same integral.
+Not every error is smooth. As far as the fixes show a first-order error (``wander_evidence``), the apparent place is
+predicted with that. The covariance of the place hardly depends on the kind: both have the same integral.
 
-The apparent place is filtered at every fix; place, errors and rates once a second, as one scalar Kalman filter for both
-axes: the wander is the same along each, and what fixes do not show equally along both is small beside it.
+The apparent place is filtered at every fix. Place, errors and rates are updated once a second, by one scalar Kalman
+filter for both axes: the wander is the same along each, and the fixes' difference between the axes is small against it.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Table: TypeAlias = tuple[Row, ...]
 
 
 class PositionWander(msgspec.Struct, frozen=True, gc=False):
-    """The error of each horizontal axis: processes of equal variance."""
+    """Model of the vehicle's position error along each horizontal axis: a sum of processes of equal variance."""
 
     sigma_m: float
     """One sigma of the error; 0: the position is exact."""
@@ -47,9 +48,9 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     """Root mean square of the angular frequencies, 1/s."""
 
     quick_density: float
-    """Density of a first-order error's rate with the same integral, m^2/s: the mean of sigma^2 w."""
+    """Spectral density of the rate of a first-order error with the same integral, m^2/s: the mean of sigma^2 w."""
     smooth_density: float
-    """Density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
+    """Spectral density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
 
     @property
     def prior_variances(self) -> tuple[float, ...]:
@@ -58,15 +59,15 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
         return tuple([variance for rate in self.rates for variance in (each, each * rate * rate)])
 
     def apparent_noise(self, interval_s: float, variance: float, smooth_share: float) -> float:
-        """Variance by which the apparent place moves within an interval, each axis, m^2.
+        """Process noise of the apparent place over an interval: variance of each axis, m^2.
 
-        ``variance``: its own before; ``smooth_share``: probability that the error is a smooth one. The variance of a
-        mixture is the mean of the variances. A first-order error moves by 2 sigma^2 (1 - correlation), with the
-        correlation exp(-w t / 2).
+        ``variance``: of the apparent place before; ``smooth_share``: probability that the error is smooth. The variance
+        of a mixture is the mean of the variances. The movement of a first-order error has the variance 2 sigma^2 (1 -
+        correlation), with the correlation exp(-w t / 2).
 
-        The filter of a random walk of density q looks back T = variance / q. A smooth error moves by rate T within
-        that, so q = rate^2 T = rate sqrt(variance). Between sparse fixes it is the movement itself, 2 sigma^2 (1 -
-        correlation).
+        The filter of a random walk of density q averages over T = variance / q. A smooth error moves by rate T within
+        that time, so q = rate^2 T = rate sqrt(variance). Between sparse fixes the process noise is the movement itself,
+        2 sigma^2 (1 - correlation).
         """
         if self.sigma_m == 0.0:
             return 0.0
@@ -81,12 +82,12 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
 
 
 def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
-    """The error with this sigma, each process with the integral time of a first-order one with its time constant."""
+    """The model with this sigma; each process has the integral time of a first-order one with its time constant."""
     return wander_with_rates(sigma_m, [2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s])
 
 
 def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
-    """The error with this sigma and these angular frequencies, 1/s."""
+    """The model with this sigma and these angular frequencies, 1/s."""
     each = sigma_m**2 / len(rates)
     return PositionWander(
         sigma_m,
@@ -99,14 +100,14 @@ def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
 
 
 class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
-    """Place, errors of the vehicle's position and their rates, along both axes, with one covariance for each axis."""
+    """Estimate of place, errors of the vehicle's position and their rates; both axes have the same covariance."""
 
     north: Table
-    """Mean of each state, metres and m/s, and its cov(state, b / sigma) by the biases."""
+    """Mean of each state, metres and m/s, followed by its cov(state, b / sigma) with each bias."""
     east: Table
     cov: Table
     means: tuple[Mean, ...] = ()
-    """The last three means of fixes, without a jump between them."""
+    """The last three means of one second of fixes, without a jump between them."""
 
     @property
     def estimate(self) -> PointEstimate:
@@ -117,11 +118,11 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
     def update(
         self, apparent: PointEstimate, wander: PositionWander, interval_s: float, mean: PointEstimate
     ) -> WanderingPlace:
-        """The state after the apparent place ``interval_s`` after the last one. ``mean``: of the same fixes."""
+        """The state after the next apparent place, ``interval_s`` after the last. ``mean``: mean of the same fixes."""
         steps = [process_step(rate, interval_s) for rate in wander.rates]
         cov = _predicted(self.cov, steps, wander)
         by_apparent = _apparent(cov)
-        # What the biases do changes with the geometry, too: taken for wander it would be extrapolated.
+        # The effect of the biases changes with the geometry, too: taken for wander it would be extrapolated.
         north_variance, _, east_variance = apparent.cov
         scale = 1.0 / (by_apparent[0] + sum(by_apparent[1::2]) + 0.5 * (north_variance + east_variance))
         gains = [each * scale for each in by_apparent]
@@ -134,11 +135,11 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         )
 
     def movement(self, wander: PositionWander, interval_s: float) -> tuple[float, float, float]:
-        """The movement of the errors within the next interval as their rates foretell it, north and east, metres; its
-        variance along each axis, m^2.
+        """Predicted movement of the errors within the next interval, north and east, metres; its variance along each
+        axis, m^2.
 
-        With c the row of F - 1 that the errors sum up, it is c x. Its variance is that of the stationary processes,
-        2 sigma^2 (1 - correlation), less what x shows of it, c (S - P) c'. The biases are in P.
+        With c the sum of the errors' rows of F - 1, the movement is c x. Its variance is that of the stationary
+        processes, 2 sigma^2 (1 - correlation), minus the part that x shows, c (S - P) c'. P includes the biases.
         """
         row, variance, each = [0.0], 0.0, wander.variance_each
         for rate in wander.rates:
@@ -153,29 +154,29 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         return north_m, east_m, max(0.0, variance)
 
     def with_jump(self, variance: float) -> WanderingPlace:
-        """The state with the error free to have moved by ``variance``, m^2."""
+        """The state after a jump of the vehicle's position: the error's variance grows by ``variance``, m^2."""
         place, error, *others = self.cov
         jumped = (place, (error[0], error[1] + variance, *error[2:]), *others)
         return msgspec.structs.replace(self, cov=jumped, means=())
 
     def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
-        """The state with an error of which nothing is known but the processes."""
+        """The state with a new error of the vehicle's position, at the prior of its processes."""
         return _with_prior_errors(self.estimate, wander, 0.0)
 
 
 def first_place_estimate(apparent: PointEstimate, wander: PositionWander) -> PointEstimate:
-    """The place by one apparent place, as :func:`first_place` has it."""
+    """Estimate of the place from one apparent place, as in :func:`first_place`."""
     total = 0.5 * (apparent.noise[0] + apparent.noise[2]) + wander.sigma_m**2
     return PointEstimate(apparent.north_m, apparent.east_m, (total, 0.0, total), apparent.shared)
 
 
 def first_place(apparent: PointEstimate, wander: PositionWander) -> WanderingPlace:
-    """The state by one apparent place: the place there, and the error at its prior."""
+    """The state after one apparent place: the place is there, and the error at its prior."""
     return _with_prior_errors(first_place_estimate(apparent, wander), wander, -wander.variance_each)
 
 
 def _with_prior_errors(place: PointEstimate, wander: PositionWander, by_error: float) -> WanderingPlace:
-    """The state by a place, the errors at their priors. ``by_error``: covariance of the place with each error, m^2."""
+    """The state of a place, with the errors at their priors. ``by_error``: covariance of place and each error, m^2."""
     variances = wander.prior_variances
     errors = diagonal(variances)
     by_errors = (by_error, 0.0) * len(wander.rates)
@@ -189,7 +190,7 @@ def _with_prior_errors(place: PointEstimate, wander: PositionWander, by_error: f
 
 
 Step: TypeAlias = tuple[float, float, float, float]
-"""Transition of one process: error by error and rate, rate by error and rate."""
+"""Transition matrix of one process by rows: error from error and rate, rate from error and rate."""
 
 
 def process_step(rate: float, interval_s: float) -> Step:
@@ -213,19 +214,19 @@ def _moved(rows: Sequence[Row], steps: Sequence[Step]) -> Table:
 
 
 def _predicted(cov: Table, steps: Sequence[Step], wander: PositionWander) -> Table:
-    """The predicted covariance: ``F (P - S) F' + S``, with S that of the stationary processes."""
+    """The predicted covariance: ``F (P - S) F' + S``, with the covariance S of the stationary processes."""
     variances = (0.0, *wander.prior_variances)
     half = _moved(plus_diagonal(cov, [-each for each in variances]), steps)
     return plus_diagonal(_moved(list(zip(*half, strict=True)), steps), variances)
 
 
 def _apparent(rows: Table) -> Row:
-    """The apparent place by a table: the place and the error of each process."""
+    """Row of the apparent place in a table: the place plus the error of each process."""
     return tuple([sum(each) for each in zip(rows[0], *rows[1::2], strict=True)])
 
 
 def _blended(apparent: Row, rows: Table, gains: Sequence[float]) -> Table:
-    """A table after the apparent place by these gains: ``X + K (z - H X)``, with z = 0 for the covariance."""
+    """A table updated with the apparent place and these gains: ``X + K (z - H X)``, with z = 0 for the covariance."""
     off = [measured - expected for measured, expected in zip(apparent, _apparent(rows), strict=True)]
     return tuple(
         [tuple([x + gain * o for x, o in zip(row, off, strict=True)]) for row, gain in zip(rows, gains, strict=True)]

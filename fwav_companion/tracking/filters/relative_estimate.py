@@ -1,4 +1,4 @@
-"""The target relative to the vehicle, at one fix: what it says beside what all fixes say.
+"""Estimate of a target relative to the vehicle at one fix, from this fix and all earlier ones.
 
 An error of the vehicle's reported position moves a target and the report alike, so relative to the report it cancels.
 """
@@ -14,14 +14,14 @@ from fwav_companion.tracking.filters.schmidt_kalman import Gain, Innovation2, Po
 
 
 class RelativeEstimate(msgspec.Struct, frozen=True, gc=False):
-    """The target in the frame of the vehicle's report at one fix."""
+    """Position of a target in the frame of the vehicle's report at one fix."""
 
     north_m: float
     east_m: float
     cov: Symmetric2
-    """Covariance by every source, m^2."""
+    """Covariance, all sources of error included, m^2."""
     down_cov: tuple[float, float]
-    """Covariance by the biases with the height of the target, north and east, m^2."""
+    """Covariance of north and east with the height of the target, due to the biases, m^2."""
 
 
 def relative_estimate(
@@ -35,11 +35,11 @@ def relative_estimate(
 ) -> RelativeEstimate:
     """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
 
-    An update of this instant alone: in that frame the noise r of one position is in the target and not in the fix, and
-    what the position delay does to the report, d, it does to neither. The innovation is the same: only its covariance
-    with the target's error (+ r + d D') and that of the target (+ r - d C' - C d' + d d') change, D and C being the
-    columns of the delay. ``fix_noise``: R of this fix alone, where that of the innovation is inflated for time
-    correlation; ``down``: C of the height. An update of all rows would double the time of a fix.
+    The update is of this instant alone. In that frame the noise r of one position is in the target and not in the fix,
+    and the effect d of the position delay on the report is subtracted from both. The innovation is the same. Only its
+    covariance with the target's error (+ r + d D') and the covariance of the target (+ r - d C' - C d' + d d') change;
+    D and C are the columns of the delay. ``fix_noise``: R of this fix alone, because R of the innovation is inflated
+    for time correlation; ``down``: C of the height. An update of all rows would double the time of a fix.
     """
     (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = innovation.weighed, innovation.before, innovation.cov
     a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
@@ -65,7 +65,7 @@ def relative_estimate(
 def _down_cov(
     before: PointEstimate, innovation: Innovation2, gain: Gain, by_delay: BiasShare | None, down: Row
 ) -> tuple[float, float]:
-    """Covariance by the biases of a relative estimate with the height: (C - d + K D) times the height's row."""
+    """Covariance of a relative estimate with the height, due to the biases: (C - d + K D) times the height's row."""
     (north, east), (a, b, c, d) = before.along(down), gain
     of_n, of_e = (inner(row, down) for row in innovation.shared)
     i, by_n, by_e = by_delay or (0, 0.0, 0.0)

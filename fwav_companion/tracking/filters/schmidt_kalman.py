@@ -9,8 +9,8 @@ and scaled Jacobian J, in numpy::
     P = (I - K) @ P @ (I - K).T + K @ R @ K.T            # Joseph form (Bucy & Joseph 1968): right for any gain
     C = C + K @ D
 
-tests/tracking/test_schmidt_kalman.py compares with this form. The height of the target is a filter of its own, with the
-gain of its noise.
+tests/tracking/test_schmidt_kalman.py compares with this form. The height of the target has a scalar filter of its own,
+with a gain from its noise alone.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ def difference(of_fix: Sequence[Row], of_point: Sequence[Row]) -> tuple[Row, Row
 
 
 class Innovation2(msgspec.Struct, frozen=True, gc=False):
-    """A fix minus the predicted point, horizontal."""
+    """Horizontal innovation, a fix minus the predicted point, with the covariances that a gain needs."""
 
     north_m: float
     east_m: float
     of_point: tuple[Row, Row]
-    """C, metres."""
+    """C of the point, north and east, metres."""
     of_fix: tuple[Row, Row]
     """J: metres per sigma of each bias, north and east."""
     noise: Symmetric2
-    """P + R, m^2."""
+    """P + R, the covariance of the innovation without the biases, m^2."""
     cov: Symmetric2
-    """S: with the biases, m^2."""
+    """S, the covariance of the innovation with the biases, m^2."""
     weighed: Gain
-    """P - C D', the covariance of the point's error with the innovation: the gain times S, m^2."""
+    """P - C D', the covariance of the point's error with the innovation, m^2: the gain times S."""
     before: Symmetric2
-    """P + C C', the point's own covariance, m^2."""
+    """P + C C', the covariance of the point with the biases, m^2."""
 
     @property
     def shared(self) -> tuple[Row, Row]:
@@ -66,23 +66,23 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
 
 
 class PointEstimate(msgspec.Struct, frozen=True, gc=False):
-    """A point, horizontal, and its error by noise and by considered biases."""
+    """Horizontal estimate of a point, with its covariance due to noise and due to considered biases."""
 
     north_m: float
     east_m: float
     noise: Symmetric2
-    """P, m^2."""
+    """P, the covariance due to noise, m^2."""
     shared: tuple[Row, Row]
     """C: cov(error, b / sigma), metres."""
 
     @property
     def cov(self) -> Symmetric2:
-        """Covariance by every source, m^2."""
+        """Covariance P + C C', all sources of error included, m^2."""
         (nn, ne, ee), (by_nn, by_ne, by_ee) = self.noise, gram(*self.shared)
         return (nn + by_nn, ne + by_ne, ee + by_ee)
 
     def with_noise(self, more: Symmetric2) -> PointEstimate:
-        """The estimate with more noise, m^2."""
+        """The estimate with the noise covariance increased by ``more``, m^2."""
         (nn, ne, ee), (more_nn, more_ne, more_ee) = self.noise, more
         return PointEstimate(self.north_m, self.east_m, (nn + more_nn, ne + more_ne, ee + more_ee), self.shared)
 
@@ -94,7 +94,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
     def innovation(self, fix: Measurement) -> Innovation2:
         """The innovation of a fix, and its covariances.
 
-        Lengths and distances of the rows give all inner products, as in ``inner``, those of D = J - C too.
+        All inner products, also those of D = J - C, come from lengths and distances of the rows, as in ``inner``.
         """
         (j_n, j_e, _), (c_n, c_e) = fix.shared, self.shared
         j_nn, j_ee, c_nn, c_ee = hypot(*j_n) ** 2, hypot(*j_e) ** 2, hypot(*c_n) ** 2, hypot(*c_e) ** 2
@@ -120,13 +120,13 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         )
 
     def along(self, row: Row) -> tuple[float, float]:
-        """C times the row of another error: their covariance by the biases, north and east, m^2."""
+        """Covariance with another error due to the biases, north and east, m^2: C times the ``row`` of that error."""
         if not any(row):  # on level ground no bias moves a point up or down
             return 0.0, 0.0
         return inner(self.shared[0], row), inner(self.shared[1], row)
 
     def update(self, innovation: Innovation2, gain: Gain) -> PointEstimate:
-        """The estimate after a fix by any gain, in Joseph's form.
+        """The estimate after an update with any gain, in Joseph form.
 
         P - K P - P K' + K (P + R) K' is P - K M' - M K' with M = P - K (P + R) / 2.
         """
@@ -152,7 +152,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         )
 
     def mixed(self, fix: Measurement, noise: Matrix3, share: float) -> PointEstimate:
-        """The estimate after a fix by the gain ``share`` of either axis. ``noise``: R, m^2."""
+        """The estimate after an update with the gain ``share`` along either axis. ``noise``: R, m^2."""
         (nn, ne, ee), ((r_nn, r_ne, _), (_, r_ee, _), _) = self.noise, noise
         kept2, share2, north, east = (1.0 - share) ** 2, share * share, [], []
         for x, y, j_x, j_y in zip(*self.shared, *fix.shared[:2], strict=True):
@@ -167,7 +167,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
 
 
 class DownEstimate(msgspec.Struct, frozen=True, gc=False):
-    """Height of the target: its own scalar filter."""
+    """Estimate of the target's height, by a scalar filter of its own."""
 
     down_m: float
     variance: float
@@ -176,7 +176,7 @@ class DownEstimate(msgspec.Struct, frozen=True, gc=False):
     """cov(error, b / sigma), metres."""
 
     def update(self, fix: Measurement, gain: float | None = None) -> DownEstimate:
-        """The estimate with one more fix, by the gain of least noise unless another is given."""
+        """The estimate after one more fix. The default gain minimises the noise."""
         noise = fix.noise[2][2]
         if gain is None:
             gain = self.variance / (self.variance + noise)
@@ -189,7 +189,7 @@ class DownEstimate(msgspec.Struct, frozen=True, gc=False):
 
 
 def first_point_estimate(fix: Measurement, noise: Matrix3 | None = None) -> PointEstimate:
-    """The estimate after a first fix: the fix itself. ``noise``: R, m^2, where it is not that of ``fix``."""
+    """The estimate after a first fix: the fix itself. ``noise``: R, m^2, if it differs from the noise of ``fix``."""
     (nn, ne, _), (_, ee, _), _ = noise or fix.noise
     return PointEstimate(fix.position[0], fix.position[1], (nn, ne, ee), fix.shared[:2])
 
@@ -200,7 +200,7 @@ def first_down(fix: Measurement) -> DownEstimate:
 
 
 def gain_of(weighed: Gain, cov: Symmetric2) -> Gain:
-    """A covariance with an innovation, times the inverse of the innovation's own."""
+    """The gain: covariance of an error with an innovation, times the inverse of the innovation's covariance."""
     (a, b, c, d), (nn, ne, ee) = weighed, cov
     scale = 1.0 / (nn * ee - ne * ne)
     i_nn, i_ne, i_ee = ee * scale, -ne * scale, nn * scale

@@ -1,4 +1,4 @@
-"""State of a target that stands: what the Kalman filter and the low-pass have in common."""
+"""State of a static target: the common base of the Kalman filter's state and of the low-pass's."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult, GateShare
 
 FRESH_SHARE = 0.5
-"""Sigma of a receiver over its earlier one, at which its error is a new one: it has found another solution."""
+"""Ratio of a receiver's sigma to its earlier one, up to which its error is a new one: it has found another solution."""
 
 SHOWN_SMOOTH = 0.95
-"""Probability of a smooth error from which its rate foretells its movement: a first-order one has no rate."""
+"""Probability of a smooth error above which its rate predicts its movement: a first-order error has no rate."""
 SPREAD = 0.618
-"""Step of the targets of one frame within a second: multiples of the golden section spread evenly, however many."""
+"""Step between the update instants of the targets of one frame, seconds: multiples of the golden section spread evenly
+over a second for any number of targets."""
 
 
 class StandingModel:
-    """What all standing targets share: biases, and the wander of the vehicle's position. Immutable."""
+    """Model of the errors that all static targets share: biases, and wander of the vehicle's position. Immutable."""
 
     __slots__ = ("_times_s", "errors", "wander")
 
@@ -51,7 +52,7 @@ class StandingModel:
         self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), self._times_s)
 
     def wander_at(self, fix: GroundFix) -> PositionWander:
-        """The wander by the receiver's own word at this fix, else the configured one."""
+        """The wander with the sigma that the receiver reports at this fix; without a report, the configured one."""
         sigma_m = fix.sighting.state.position_bias_m
         if sigma_m is None or sigma_m == self.wander.sigma_m or self.wander.sigma_m == 0.0:
             return self.wander
@@ -59,33 +60,35 @@ class StandingModel:
 
 
 class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """One standing target. A subclass updates it."""
+    """State of one static target. A subclass implements its update."""
 
     model: StandingModel
     wander: PositionWander
     """Wander of the vehicle's position at the last fix."""
     apparent: PointEstimate
-    """The place plus the present error of the vehicle's position: what single fixes agree with now."""
+    """Apparent place at the last fix: the place plus the error of the vehicle's position then, as in single fixes."""
     predicted: PointEstimate
-    """The same at ``host_ns``."""
+    """Apparent place predicted to ``host_ns``."""
     now: RelativeEstimate | None = None
-    """The place in the frame of the vehicle's report at a fix of this instant; None where the filter has none."""
+    """The place in the frame of the vehicle's report at a fix of this instant; None without such a fix, and always for
+    the low-pass."""
     wandering: WanderingPlace | None = None
-    """The place apart from that error; None where positions are exact, and before ``apart_ns``."""
+    """Separate estimates of the place and of that error; None where positions are exact, and before ``apart_ns``."""
     wander_evidence: WanderEvidence | None = None
-    """Whether that error moves smoothly; one for all targets of the vehicle. None in the first second of a flight."""
+    """Evidence whether that error moves smoothly, shared by all targets of the vehicle. None in the first second of a
+    flight."""
     fresh: FixMean | None = None
-    """Mean of the fixes since ``placed_ns``, by which the place is updated next; None before the first. The apparent
-    place would not do: what it is now it was a second before, and it would count again."""
+    """Mean of the fixes since ``placed_ns``, with which the place is updated next; None before the first. The apparent
+    place cannot replace it, because it contains earlier fixes, too, and these would count again."""
     down: DownEstimate
     scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
     late: BiasShare | None = None
     """Displacement of the vehicle's report by one sigma of the position delay, at the last fix."""
     apart_ns: HostNs
-    """Instant from which the place is apart from the apparent one."""
+    """Instant from which the place is estimated separately from the apparent place."""
     placed_ns: HostNs
-    """Instant of ``wandering``."""
+    """Instant of the last update of ``wandering``."""
     fixed_ns: HostNs
     """Capture of the last fix."""
     host_ns: HostNs
@@ -101,7 +104,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def cov(self) -> Matrix3:
-        """Covariance of the place by every source of error, NED, m^2."""
+        """Covariance of the place, all sources of error included, NED, m^2."""
         place = self._place
         return with_down(place.cov, place.along(self.down.shared), self.down)
 
@@ -115,7 +118,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2.
 
-        Noise and delay of a report without a fix are unknown: all of both counts.
+        Without a fix at this instant, noise and delay of the report are unknown: both count in full.
         """
         if self.now is not None:
             return with_down(self.now.cov, self.now.down_cov, self.down)
@@ -124,9 +127,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return with_down(place.cov, place.along(self.down.shared), self.down)
 
     def report_lateness(self, share: float = 1.0) -> Symmetric2:
-        """Covariance of the vehicle's report by its position delay, m^2; ``share``: of the variance of its prior.
+        """Covariance of the vehicle's report due to its position delay, m^2. ``share``: of the delay's prior variance.
 
-        Between fixes the course is not known: the vehicle has the speed of the last fix in any direction.
+        Between fixes the course is not known: the vehicle is assumed to have the speed of the last fix in any
+        direction.
         """
         if self.late is None:
             return (0.0, 0.0, 0.0)
@@ -143,21 +147,21 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return self.apparent if self.wander.sigma_m == 0.0 else first_place_estimate(self.apparent, self.wander)
 
     def bias_shares(self) -> dict[Bias, float]:
-        """Horizontal variance of the place by each bias, m^2: what it would lose if that bias were exactly known."""
+        """Horizontal variance of the place due to each bias, m^2: it would vanish if that bias were exactly known."""
         place, (nn, _, ee) = self._place, self.apparent.noise
         position = max(0.0, place.noise[0] + place.noise[2] - nn - ee)
         return self.model.errors.shares(place.shared) | {Bias.POSITION_NORTH: position}
 
     @property
     def gate_share(self) -> GateShare:
-        """The share of this target in the gate's variance."""
+        """Share of this target in the variance of an innovation."""
         predicted, scatter = self.predicted, self.scatter.variance
         nn, _, ee = predicted.noise
         north, east = predicted.shared
         return GateShare(nn + scatter, ee + scatter, north, east)
 
     def gate_share_of(self, fix: GroundFix) -> GateShare:
-        """The share of a fix."""
+        """Share of a fix in the variance of an innovation."""
         prepared = self.model.errors.prepared(fix)
         ((nn, _, _), (_, ee, _), _), (north, east, _) = prepared.noise, prepared.shared
         return GateShare(nn, ee, north, east)
@@ -190,9 +194,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return self.model.errors.nonlinear
 
     def innovation(self, fix: GroundFix) -> SharedInnovation:
-        """The innovation of a fix at this instant. What the time offset scatters is in its sensitivities.
+        """The innovation of a fix at this instant. Its sensitivities include the scatter by the time offset.
 
-        The vehicle's position has wandered since the last fix, by as much for all targets: two more sensitivities.
+        The vehicle's position has wandered since the last fix, equally for all targets: these are two more
+        sensitivities.
         """
         own, seen = self.apparent, self.model.errors.prepared(fix)
         d_n, d_e = difference(seen.shared, own.shared)
@@ -206,13 +211,13 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         )
 
     def before(self, host_ns: HostNs) -> PointEstimate:
-        """The apparent place at an instant."""
+        """The apparent place predicted to an instant."""
         return self.predicted if host_ns == self.host_ns else self._predicted(host_ns)
 
     def _predicted(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted from the last fix: the error of the vehicle's position has wandered on.
 
-        The first second of a flight shows nothing of how it wanders: the wider claim holds.
+        In the first second of a flight the kind of wander is not known yet: the wider covariance is used.
         """
         nn, _, ee = self.apparent.noise
         since_s = s_from_ns(host_ns - self.fixed_ns)
@@ -223,10 +228,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
     def under(self, wander: PositionWander) -> Self:
-        """The state by a receiver of another accuracy.
+        """The state after a change of the receiver's accuracy to that of ``wander``.
 
-        A better one has an error of its own, of which the old one shows nothing. A worse one's error grows from the
-        present one, as the process does.
+        A better solution has an error of its own, independent of the old one. The error of a worse solution grows from
+        the present error, as the process does.
         """
         if wander == self.wander:
             return self
@@ -242,7 +247,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def placed(
         self, measurement: Measurement, noise: Matrix3, host_ns: HostNs
     ) -> tuple[WanderingPlace | None, FixMean | None, HostNs, WanderEvidence | None]:
-        """``wandering``, ``fresh``, ``placed_ns`` and ``wander_evidence`` by the newest fix.
+        """``wandering``, ``fresh``, ``placed_ns`` and ``wander_evidence`` after the newest fix.
 
         Before ``apart_ns`` the place is the apparent one. ``noise``: of the fix without the error of its sensitivities.
         """
@@ -260,20 +265,21 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 def gates_of(target: TargetEstimate, fixes: Sequence[GroundFix]) -> Sequence[GateResult]:
-    """Gating statistics of several fixes, together for a standing target."""
+    """Gating statistics of several fixes, computed together for a static target."""
     return target.gates(fixes) if isinstance(target, StandingTargetState) else [target.gate(fix) for fix in fixes]
 
 
 def apart_at(fix: GroundFix) -> HostNs:
-    """The instant from which the place of a target with this first fix is apart from the apparent one.
+    """Instant from which the place of a target with this first fix is estimated separately from the apparent place.
 
-    That is one second later and, as the targets of a frame have their updates at other instants of a second, up to two.
+    It is one to two seconds after the first fix. The targets of one frame get different instants, so that their
+    expensive updates do not fall into the same frame.
     """
     sighting = fix.sighting
     return HostNs(sighting.frame_host_ns + ns_from_s(STEP_S * (1.0 + SPREAD * sighting.index % 1.0)))
 
 
 def with_down(cov: Symmetric2, down_cov: tuple[float, float], down: DownEstimate) -> Matrix3:
-    """The covariance of a point and its height, NED, m^2. ``down_cov``: of north and east with the height."""
+    """Covariance of a point and its height, NED, m^2. ``down_cov``: covariance of north and east with the height."""
     (nn, ne, ee), (nd, ed) = cov, down_cov
     return ((nn, ne, nd), (ne, ee, ed), (nd, ed, down.variance + hypot(*down.shared) ** 2))
