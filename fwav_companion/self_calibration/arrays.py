@@ -1,6 +1,6 @@
 """Vectors and rotations over leading axes. Every result depends on its own entries alone, whatever the batch.
 
-``matmul`` multiplies each matrix of a stack by itself, whatever the number of them.
+``matmul`` multiplies each matrix of a stack separately, whatever their number.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ SKEW: Array = np.array([
     [0, 0, 1, 0, 0, 0, -1, 0, 0],
     [0, -1, 0, 1, 0, 0, 0, 0, 0],
 ], float)  # fmt: skip
-"""(3, 9), matrix of each axis by which its cross products are taken."""
+"""(3, 9), cross-product matrix of each axis, flattened."""
 EYE: Array = np.eye(3)
 LEAST2 = 1e-300
 """Least squared angle: sin(x) / x is 1 there, without a division by zero."""
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Inner products over the last axis, of three."""
+    """Inner products over the last axis, of length 3."""
     product = a * b
     return np.asarray(product[..., 0] + product[..., 1] + product[..., 2])
 
@@ -36,7 +36,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def skew(vector: Array) -> Array:
-    """Matrices A of vectors a, by which A b is a x b and b' A is (b x a)'."""
+    """Cross-product matrices A of vectors a: A b = a x b, and b' A = (b x a)'."""
     return np.asarray((vector @ SKEW).reshape(*vector.shape, 3))
 
 

@@ -22,13 +22,13 @@ from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
 DELAY_STEP_S = 0.015
-"""Interval of the hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
+"""Interval of the delay hypotheses, s: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
 STEP_SIGMA_S = 0.6 * DELAY_STEP_S
-"""One sigma of a hypothesis: what lies beyond half a step belongs to the next one."""
+"""One sigma of a hypothesis's delay, s: a delay beyond half a step belongs to the next hypothesis."""
 SEARCH_SIGMAS = 3.0
 KNOT_S = 0.012
-"""Interval at which states within the readout of a frame are requested. Extrapolated by half of it with linear rates, a
-beat of 5 degrees at 5 Hz errs by 0.006 degrees, at 10 Hz by 0.05: half of an attitude's own noise."""
+"""Interval at which states within the readout of a frame are requested, s. Extrapolation over half of it with linear
+rates errs by 0.006 degrees for a beat of 5 degrees at 5 Hz, and by 0.05 at 10 Hz: half of an attitude's own noise."""
 
 
 class CalibrationContext:
@@ -49,7 +49,7 @@ class CalibrationContext:
         self._frame = FrameFixes((), state_at)
 
     def without_kept(self) -> CalibrationContext:
-        """The same without the calibration of an earlier flight."""
+        """The context without the calibration of an earlier flight."""
         return CalibrationContext(self.priors, self.state_at)
 
     @property
@@ -60,7 +60,7 @@ class CalibrationContext:
     def batch(
         self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None, since_s: Sequence[float]
     ) -> MeasurementBatch:
-        """The measurements of fixes close in time by track, with poses at the delay, or at all hypotheses.
+        """The batch of ``fixes`` (track, fix) close in time, with poses at ``delay_s``; None: at all hypotheses.
 
         ``since_s``: time since the previous measurement of each track.
         """
@@ -82,11 +82,11 @@ class CalibrationContext:
         return [delay_s - k * span_s / max(1, knots) for k in range(knots, -1, -1)]
 
     def expect(self, fixes: Sequence[GroundFix]) -> None:
-        """Remember the fixes of a frame: what is asked of one of them is computed for all."""
+        """Remember the fixes of a frame, so that later requests are computed for all of them at once."""
         self._frame = FrameFixes(fixes, self.state_at)
 
     def frame_of(self, fix: GroundFix) -> FrameFixes:
-        """The newest frame if it holds this fix; else a frame of this fix alone, which replaces it."""
+        """The newest frame if it holds this fix; otherwise a frame of this fix alone, which replaces it."""
         if fix not in self._frame:
             self.expect([fix])
         return self._frame
@@ -98,12 +98,12 @@ class CalibrationContext:
         return self._hypotheses(points, {})
 
     def trials(self, ended: JointFilter) -> FilterPass:
-        """A pass about the end of another, as free to move."""
+        """A pass about the final means of another, with the same prior widths as the bank."""
         points = ended.mean[:, :SHARED_COUNT].copy()
         return self._hypotheses(points, ended.targets)
 
     def served_pass(self, point: Array, hints: dict[int, Array] | None = None) -> FilterPass:
-        """A pass about one linearization point, by the priors of the configuration, under both kinds of wander."""
+        """A pass about one linearization point, by the priors of this context, under both kinds of wander."""
         count = 2 if self.priors.sigma(Bias.POSITION_NORTH) > 0.0 else 1
         means, points = np.tile(self.means, (count, 1)), np.tile(point, (count, 1))
         joint = joint_filter(self.priors, self.sigmas, means, points, (QUICK, SMOOTH) if count == 2 else None)

@@ -40,8 +40,8 @@ class CalibrationStatus(StrEnum):
     WAITING = "waiting"
     """Too few measurements yet; every parameter keeps its prior."""
     AMBIGUOUS = "ambiguous"
-    """Several delays explain the measurements alike, as a steady beat repeats itself; every parameter keeps its prior.
-    """
+    """Several delays explain the measurements equally well, because a steady beat repeats itself; every parameter keeps
+    its prior."""
     UNEXPLAINED = "unexplained"
     """No delay within its prior explains the measurements; every parameter keeps its prior."""
     TIME = "time"
@@ -51,14 +51,14 @@ class CalibrationStatus(StrEnum):
 
 
 class PriorInflation(msgspec.Struct, frozen=True, gc=False):
-    """A prior that the flight contradicts, and that is wider than configured."""
+    """A prior that the flight contradicts, and that is therefore made wider than configured."""
 
     parameter: int
     mean: float
     sigma: float
     """One sigma, as configured."""
     alone: float
-    """Estimate of the flight without this prior."""
+    """Estimate from the flight without this prior."""
 
     @property
     def wider_sigma(self) -> float:
@@ -69,7 +69,7 @@ class PriorInflation(msgspec.Struct, frozen=True, gc=False):
 class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """A calibration of an earlier flight: a narrower prior than the configuration's.
 
-    Its mount is as uncertain as the heading leaves it: another flight has another heading error.
+    The sigma of its mount includes the heading's: another flight has another heading error.
     """
 
     time_offset_s: float
@@ -100,9 +100,9 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     height_sigma_m: float
     status: CalibrationStatus
     reason: str | None = None
-    """What is missing for CALIBRATED, for people; None when calibrated."""
+    """Text for people on what CALIBRATED still needs; None when calibrated."""
     alternatives: tuple[float, ...] = ()
-    """Corrections of the time offset that explain the measurements alike (AMBIGUOUS), the most likely first, s."""
+    """Corrections of the time offset that explain the measurements equally well (AMBIGUOUS), likeliest first, s."""
     mistake: str = ""
     """A gross mistake in the mount, as a sentence; nothing is estimated meanwhile."""
     denied: tuple[PriorInflation, ...] = ()

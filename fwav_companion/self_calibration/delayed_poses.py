@@ -1,7 +1,7 @@
-"""Poses of the vehicle at instants near the captures: the basis for judging an error of the camera's time offset.
+"""Poses of the vehicle at instants near the captures, by which an error of the camera's time offset is estimated.
 
-On a flapping wing a delay of 35 ms is a third of a beat: no derivative at the capture gives the attitude then.
-So the states are requested on a grid of delays, and only between its points are they extrapolated.
+On a flapping wing a delay of 35 ms is a third of a beat: derivatives at the capture do not give the attitude before it.
+So the states are requested on a grid of delays, and extrapolated between its points only.
 """
 
 from __future__ import annotations
@@ -23,21 +23,23 @@ StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 
 
 class DelayedPoses(msgspec.Struct, frozen=True):
-    """Poses of what carries the camera (body or gimbal), with the same leading axes in every array."""
+    """Poses of the carrier of the camera (body or gimbal), with the same leading axes in every array."""
 
     delay_s: Array
     """Delay before the nominal capture, s."""
     ned_from_body: Array
-    """(..., 3, 3)."""
+    """(..., 3, 3), attitude."""
     rates: Array
-    """(..., 3), rad/s, body axes; so is the next, rad/s^2."""
+    """(..., 3), angular rates, body axes, rad/s."""
     acceleration: Array
+    """(..., 3), angular acceleration, body axes, rad/s^2."""
     position_ned: Array
-    """(..., 3), m; so is the next, m/s."""
+    """(..., 3), position, NED, m."""
     velocity_ned: Array
+    """(..., 3), velocity, NED, m/s."""
 
     def each(self, change: Callable[[Array], Array]) -> DelayedPoses:
-        """The poses with every array changed alike: an index, a new axis."""
+        """The poses with the same change of every array, such as an index or a new axis."""
         return DelayedPoses(
             change(self.delay_s),
             change(self.ned_from_body),
@@ -48,7 +50,7 @@ class DelayedPoses(msgspec.Struct, frozen=True):
         )
 
     def padded(self, index: npt.NDArray[np.intp]) -> DelayedPoses:
-        """These points of the grid, the last one for those beyond it."""
+        """The poses at these points of the grid; an index beyond the grid gives its last point."""
         i = np.minimum(index, self.delay_s.shape[1] - 1)
         return self.each(lambda a: a[:, i])
 
@@ -65,7 +67,7 @@ class DelayedPoses(msgspec.Struct, frozen=True):
         )
 
     def nearest(self, delay_s: Array | float) -> DelayedPoses:
-        """The points of this grid (N, D) that are nearest to delays (..., N)."""
+        """The poses at the points of this grid (N, D) that are nearest to delays (..., N)."""
         nearest = np.abs(self.delay_s - np.asarray(delay_s)[..., None]).argmin(-1)
         index = np.arange(self.delay_s.shape[0])
         return self.each(lambda a: a[index, nearest])
@@ -82,10 +84,10 @@ def delayed_poses(
 ) -> DelayedPoses:
     """The poses (N, D) around captures close in time, requested around the first of them and shared by all.
 
-    Where no history is available they are the state of each capture alone.
+    Without a history, each capture has its own state as the only pose.
 
-    A state from before the first position would put the vehicle at the origin, on the ground, and one from before a
-    gimbal's first attitude the camera on the body: those are left out, and extrapolated from the others.
+    A state from before the first position would put the vehicle at the origin, on the ground. A state from before a
+    gimbal's first attitude would put the camera on the body. Both are left out, and extrapolated from the others.
     """
     first = min(nominals, key=lambda state: state.boot_ns)
     states: list[tuple[float, VehicleState]] = []

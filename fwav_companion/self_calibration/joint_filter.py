@@ -3,13 +3,13 @@
 The state is (shared parameters, error of the vehicle's position, north and east of each target). A fix sees a target
 at its *apparent place*, the target plus the present error of the vehicle's position.
 
-Rows are taken at a linearization point that stays (first-estimates Jacobians: Huang, Mourikis & Roumeliotis 2008): a
-point that follows the noise would make directions look observable that are not. The places of several targets move
-alike with the vehicle's position error (``displaced``). Everything moves to the estimate where that has moved in view
-by more than the linearization bears, as on a descent: 0.2 m are 0.8 degrees from 15 m, 11 from 1 m.
+Rows are evaluated at a linearization point that stays (first-estimates Jacobians: Huang, Mourikis & Roumeliotis 2008):
+a point that follows the noise would make unobservable directions look observable. In the point, the places of several
+targets move alike with the vehicle's position error (``displaced``). The whole point moves to the estimate if that has
+moved in view by more than the linearization tolerates, as on a descent: 0.2 m are 0.8 degrees from 15 m, 11 from 1 m.
 
-Arrays have a leading axis of hypotheses: the delay search runs many at once, all other uses have one. A measurement
-update takes all measurements of a frame at once; with P the covariance, H the rows and R the noise::
+Arrays have a leading axis of hypotheses: the delay search runs many at once, a served pass one for each kind of wander.
+A measurement update takes all measurements of a frame at once; with P the covariance, H the rows and R the noise::
 
     S = H @ P @ H.T + R;  K = P @ H.T @ inv(S)
 
@@ -34,14 +34,14 @@ from fwav_companion.self_calibration.position_error import SMOOTH, PositionError
 from fwav_companion.types import ErrorPriors
 
 GATE = 16.0
-"""Squared Mahalanobis distance of two pixels: a true one lies beyond once in 3000 times."""
+"""Gate on the NIS of two pixels: a true measurement exceeds it once in 3000 times."""
 DIFFUSE_M = 100.0
-"""One sigma of a new target before its first measurement: hardly any information, and no loss by rounding."""
+"""One sigma of a new target before its first measurement, metres: hardly any information, and no loss by rounding."""
 ENOUGH_TARGETS = 3
-"""Targets whose distances show the height."""
+"""Number of targets whose mutual distances show the height."""
 MOST_DISPLACED = 0.02
-"""Angle by which the mean predicts better than the linearization point, beyond which the point moves there: its square
-is 0.02 degrees, a tenth of a pixel's noise."""
+"""Largest angle, rad, by which the mean may predict better than the linearization point before the point moves to the
+mean: its square is 0.02 degrees, a tenth of a pixel's noise."""
 
 
 class JointFilter(msgspec.Struct, frozen=True, dict=True):
@@ -50,13 +50,13 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
     priors: ErrorPriors
     position: PositionError
     mean: Array
-    """(B, n)."""
+    """(B, n), mean of the state."""
     cov: Array
-    """(B, n, n), symmetric."""
+    """(B, n, n), covariance of the state, symmetric."""
     linearization_point: Array
     """(B, 11 + 2T), shared parameters and apparent places."""
     tracks: tuple[int, ...]
-    """The tracks of the targets, in order."""
+    """The tracks of the targets, in the order of the state."""
     host_ns: int
 
     @property
@@ -65,7 +65,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return SHARED_COUNT + self.position.count
 
     def place_of(self, track: int) -> int | None:
-        """Index of the target's north; None where it is not in the estimate."""
+        """Index of the target's north in the state; None if the target is not in the estimate."""
         return self.first + 2 * self.tracks.index(track) if track in self.tracks else None
 
     @property
@@ -73,14 +73,14 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         """Whether the height is considered, not estimated (Schmidt 1966): its rows of the gain are zero.
 
         The error of a wandering position is in the rows of the height and in the residuals, and a filter takes that
-        for information: on circles of 3 m at 14 m the height ran away by 4 m, with the mount. Distances between three
-        targets show the height without the position.
+        for information: on circles of 3 m at 14 m the height diverged by 4 m, and the mount with it. Distances between
+        three targets show the height without the position.
         """
         return self.position.count > 0 and len(self.tracks) < ENOUGH_TARGETS
 
     @property
     def moving(self) -> slice:
-        """The states of the vehicle's position error."""
+        """Indices of the vehicle's position error in the state."""
         return slice(SHARED_COUNT, self.first)
 
     @property
@@ -101,9 +101,9 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return {track: apparent[:, 2 * k : 2 * k + 2] for k, track in enumerate(self.tracks)}
 
     def separation2(self, one: int, other: int) -> float:
-        """Squared distance of two targets over its own covariance, 2 degrees of freedom, under the first hypothesis.
+        """Squared Mahalanobis distance of two targets, 2 degrees of freedom, under the first hypothesis.
 
-        Errors that both share cancel. Infinite where the estimate does not hold both.
+        Errors that both share cancel. Infinite if one of the targets is not in the estimate.
         """
         a, b = self.place_of(one), self.place_of(other)
         if a is None or b is None:
@@ -114,7 +114,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return float(apart @ np.linalg.solve(relative, apart))
 
     def take(self, hypotheses: Sequence[int]) -> JointFilter:
-        """Some of the hypotheses."""
+        """The estimate under some of the hypotheses."""
         i = list(hypotheses)
         return msgspec.structs.replace(
             self,
@@ -125,7 +125,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         )
 
     def predict(self, host_ns: int) -> JointFilter:
-        """The estimate at another instant: the vehicle's position error has wandered."""
+        """The estimate at a later instant: the vehicle's position error has wandered."""
         if host_ns <= self.host_ns or not self.position.count:
             return self
         if not self.host_ns:
@@ -133,18 +133,19 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         step, prior = self.position.transition((host_ns - self.host_ns) * 1e-9), self.position.prior
         mean, cov, moving = self.mean.copy(), self.cov.copy(), self.moving
         mean[:, moving] = (step @ mean[:, moving, None])[..., 0]
-        cov[:, moving, moving] -= prior  # what is known beyond the stationary process fades
+        cov[:, moving, moving] -= prior  # the difference from the stationary covariance decays
         cov[:, moving] = step @ cov[:, moving]
         cov[:, :, moving] = cov[:, :, moving] @ step.swapaxes(1, 2)
         cov[:, moving, moving] += prior
         return msgspec.structs.replace(self, mean=mean, cov=cov, host_ns=host_ns)
 
     def displaced(self) -> JointFilter:
-        """The estimate about places that are all moved alike, to the mean of the present apparent ones.
+        """The estimate with all places of the linearization point shifted alike, to the mean of the apparent places.
 
-        The vehicle's position error moves all targets, and their distances stay. A point of each target that follows
-        its own estimate turns them, and a filter takes that for information on the heading: on circles over three
-        targets its claim was 0.86 degrees, that of least squares about the truth 1.23. One target has no distances.
+        The vehicle's position error moves all targets, and their distances stay. If the point of each target followed
+        its own estimate, the points would turn, and the filter would take that for information on the heading: on
+        circles over three targets its sigma was 0.86 degrees, that of least squares about the truth 1.23. A single
+        target has no distances.
         """
         if not self.position.count or len(self.tracks) < 2:
             return self
@@ -154,10 +155,10 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return msgspec.structs.replace(self, linearization_point=point)
 
     def relinearized(self, batch: MeasurementBatch) -> JointFilter:
-        """The estimate about its present mean; the delay stays where the vehicle turns far within the change of it.
+        """The estimate linearized at its present mean; the delay stays if the vehicle turns far within its change.
 
-        At the begin of a pass the mean is still the prior, perhaps half a beat of the wings from the delay that was
-        found, and poses extrapolated to there fit nothing.
+        At the beginning of a pass the mean of the delay is still the prior, perhaps half a wing beat from the delay
+        that was found, and poses extrapolated to the prior fit no measurement.
         """
         point = np.concatenate((self.mean[:, :SHARED_COUNT], self.apparent), 1)
         before = self.linearization_point[:, DELAY]
@@ -166,8 +167,8 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         return msgspec.structs.replace(self, linearization_point=point)
 
     def update(self, seen: PixelInnovations, used: Mask) -> tuple[JointFilter, Array, Array]:
-        """The estimate after the ``used`` (B, N) of the measurements, their log-likelihood (B) up to a constant, and
-        their innovations whitened by S (B, 2N), 0 where unused.
+        """The estimate after an update with the ``used`` (B, N) measurements, their log-likelihood (B) up to a
+        constant, and their innovations whitened by S (B, 2N), 0 where unused.
         """
         cov, right = seen.cov, np.concatenate((seen.crossed, seen.difference[:, :, None]), -1)
         diagonal = np.arange(cov.shape[1])
@@ -241,7 +242,7 @@ def joint_filter(
 ) -> JointFilter:
     """The estimate before any target: means and points (B, 11), and one sigma (11) of each shared parameter.
 
-    ``hypotheses``: of the wander of the vehicle's position, one each; None: the smooth one.
+    ``hypotheses``: kind of wander of the vehicle's position under each; None: smooth under all.
     """
     position = position_error(priors, hypotheses or (SMOOTH,) * len(means))
     mean = np.concatenate((means, np.zeros((len(means), position.count))), 1)

@@ -1,6 +1,6 @@
 """Sightings of one frame or of a few as arrays: the rays, the poses of the vehicle, and the noise of each.
 
-All that a prediction of pixels needs to know of them. No entry depends on the others.
+A batch holds everything that a prediction of pixels needs. Each entry depends on its own sighting alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fwav_companion.self_calibration.position_path import PositionPath
 from fwav_companion.types import GroundFix
 
 RANGED = ("rangefinder", "fixed")
-"""Grounds at a distance below the camera, whatever its height."""
+"""Ground models that give a distance below the camera, whatever its reported height."""
 
 
 class MeasurementBatch(msgspec.Struct, frozen=True):
@@ -29,17 +29,17 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     """Capture of the newest frame."""
     frames: int
     ray: Array
-    """(N, 3), unit, in the body as the configuration mounts the camera; so is the next."""
+    """(N, 3), unit rays in body axes, by the configured mount."""
     dual: Array
-    """(N, 2, 3), dual to the lens's derivatives: dual . (change of the ray) is the change of u and v."""
+    """(N, 2, 3), same axes, dual to the lens's derivatives: dual . (change of the ray) is the change of u and v."""
     pixel_sigma: Array
-    """(N, 2), px."""
+    """(N, 2), one sigma of u and v, px."""
     lever: Array
-    """(N, 3), camera in the body, m."""
+    """(N, 3), camera position in body axes, m."""
     attitude_sigma: Array
     """(N), one sigma of the attitude by interpolation, rad."""
     attitude_spacing_s: Array
-    """(N), interval of the attitudes that were interpolated."""
+    """(N), interval of the attitudes that were interpolated, s."""
     time_noise_s: Array
     """(N), one sigma of the capture, s."""
     row_fraction: Array
@@ -49,39 +49,39 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     camera_down: Array
     """(N), down coordinate of the camera at the nominal capture, m."""
     since_s: Array
-    """(N), time since the previous measurement of the track; what shares its telemetry averages with the telemetry."""
+    """(N), time since the track's previous measurement, s; measurements that share telemetry share its noise."""
     frame: npt.NDArray[np.intp]
     """(N), number of the frame: its measurements share one sample of telemetry."""
     ranged: Mask
-    """(N), whether the ground is at a distance below the camera, whatever its reported height."""
+    """(N), whether the ground model gives a distance below the camera, whatever its reported height."""
     sample: npt.NDArray[np.intp]
-    """(N), index of the point of ``paths``."""
+    """(N), index of the measurement's point in ``paths``."""
     poses: DelayedPoses
-    """(N, D)."""
+    """(N, D), poses of the vehicle at D delays."""
     paths: tuple[PositionPath, ...] = ()
-    """Points of the path that the positions lie on; empty: as reported."""
+    """Points of the smoothed path on which the positions lie; empty where positions are as reported."""
 
     def take(self, index: Sequence[int]) -> MeasurementBatch:
-        """Some of the measurements."""
+        """The batch with some of the measurements."""
         i = list(index)
         arrays = {name: getattr(self, name)[i] for name in ARRAYS}
         tracks = tuple(self.tracks[k] for k in i)
         return msgspec.structs.replace(self, tracks=tracks, poses=self.poses.each(lambda a: a[i]), **arrays)
 
     def without(self, tracks: Collection[int]) -> MeasurementBatch:
-        """The measurements of other tracks."""
+        """The batch without the measurements of these tracks."""
         if not any(track in tracks for track in self.tracks):
             return self
         return self.take([k for k, track in enumerate(self.tracks) if track not in tracks])
 
     def nearest_to(self, delay_s: float | None) -> MeasurementBatch:
-        """The measurements with the pose of their grid that is nearest to a known delay; None: all of them."""
+        """The batch with the poses nearest to a known delay alone; with all poses if the delay is None."""
         if delay_s is None or self.poses.delay_s.shape[1] == 1:
             return self
         return msgspec.structs.replace(self, poses=self.poses.nearest(delay_s).each(lambda a: a[:, None]))
 
     def at_delay(self, delay_s: float) -> MeasurementBatch:
-        """The measurements with their pose at one delay instead of a grid."""
+        """The batch with poses at one delay instead of a grid."""
         poses = self.poses.at(np.full(len(self.tracks), delay_s))
         return msgspec.structs.replace(self, poses=poses.each(lambda a: a[:, None]))
 

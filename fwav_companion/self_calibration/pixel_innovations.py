@@ -1,4 +1,4 @@
-"""The innovations of a batch of pixels: what it measures against what the joint estimate predicts."""
+"""The innovations of a batch: measured pixels minus the pixels that the joint estimate predicts."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.joint_filter import JointFilter
 
 LEAST_DETERMINANT = 1e-300
-"""Where rounding left no positive one, px^4."""
+"""Least determinant of a covariance, px^4, where rounding left none that is positive."""
 
 
 class PixelInnovations(msgspec.Struct, frozen=True):
     """Innovations of one batch under each hypothesis (B)."""
 
     difference: Array
-    """(B, 2N), measured minus predicted, px; u and v alternate, and so below."""
+    """(B, 2N), measured minus predicted, px; u and v alternate, as in every axis of 2N."""
     rows: Array
-    """(B, 2N, n)."""
+    """(B, 2N, n): H, sensitivities to the state."""
     crossed: Array
     """(B, 2N, n): H P."""
     cov: Array
-    """(B, 2N, 2N): S, px^2."""
+    """(B, 2N, 2N): S, covariance of the innovations, px^2."""
     common: Array
-    """(B, N, 2, 7), roots of the noise that is common to the measurements of one frame, px."""
+    """(B, N, 2, 7), square roots of the noise covariance that the measurements of one frame have in common, px."""
     nis: Array
-    """(B, N), of each measurement alone; inf where it is impossible."""
+    """(B, N), normalised innovation squared of each measurement alone; inf where the measurement is impossible."""
     determinant: Array
-    """(B, N), of S of each measurement alone, px^4."""
+    """(B, N), determinant of S of each measurement alone, px^4."""
     displaced: float
-    """Largest angle by which the mean predicts a measurement better than the linearization point does."""
+    """Largest angle by which the mean predicts a measurement better than the linearization point does, rad."""
     valid: Mask
-    """(B, N)."""
+    """(B, N), whether the measurement is possible."""
 
 
 def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations:
-    """The innovations of measurements, all of targets in the estimate, about its linearization point."""
+    """The innovations of a batch about the estimate's linearization point; all its targets are in the estimate."""
     point, index = joint.linearization_point, [joint.tracks.index(track) for track in batch.tracks]
     places = point[:, SHARED_COUNT:].reshape(len(point), -1, 2)
     seen = predict(batch, places[:, index], point[:, :SHARED_COUNT])
@@ -82,7 +82,7 @@ def _rows(joint: JointFilter, seen: PredictedPixels, index: Sequence[int]) -> Ar
 
 
 def _off_point(joint: JointFilter) -> Array:
-    """(B, n) the mean from the linearization point, in which the vehicle's position error is 0."""
+    """(B, n) the mean minus the linearization point, in which the vehicle's position error is 0."""
     off = joint.mean.copy()
     off[:, :SHARED_COUNT] -= joint.linearization_point[:, :SHARED_COUNT]
     off[:, joint.first :] -= joint.linearization_point[:, SHARED_COUNT:]
@@ -90,7 +90,7 @@ def _off_point(joint: JointFilter) -> Array:
 
 
 def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
-    """(B, 2N, 2N) covariance of the fresh errors: those of telemetry are common to the measurements of one frame."""
+    """(B, 2N, 2N) covariance of the measurement noise: that of telemetry is common to the measurements of one frame."""
     flat = common.reshape(len(common), -1, common.shape[-1])
     frame = np.repeat(batch.frame, 2)
     noise = np.asarray((flat @ flat.swapaxes(1, 2)) * (frame[:, None] == frame))
@@ -99,7 +99,7 @@ def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
 
 
 def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
-    """NIS and determinant (B, N) of each measurement alone, and whether it is one."""
+    """NIS and determinant (B, N) of each measurement alone, and whether the measurement is possible."""
     alone = cov.diagonal(axis1=1, axis2=2)
     both = cov.diagonal(1, axis1=1, axis2=2)[:, ::2]
     nis, determinant = two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
@@ -108,7 +108,7 @@ def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Ma
 
 
 def two_by_two(difference: Array, uu: Array, uv: Array, vv: Array) -> tuple[Array, Array]:
-    """Squared Mahalanobis distance by a covariance, inf where that is not positive, and its determinant."""
+    """Squared Mahalanobis distance, inf where the covariance is not positive, and determinant of the covariance."""
     determinant = uu * vv - uv * uv
     du, dv = difference[..., 0], difference[..., 1]
     nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / np.maximum(determinant, LEAST_DETERMINANT)

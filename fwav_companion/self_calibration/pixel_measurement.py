@@ -1,6 +1,6 @@
-"""Sightings as measurements of two pixels, predicted from targets and from the shared parameters.
+"""Measurement model: predicts the two pixels of a sighting from its target and from the shared parameters.
 
-The prediction is exact geometry, the residual is in pixels through the lens's own derivatives, and every row is
+The prediction is exact geometry. The residual is in pixels through the lens's own derivatives, and every row is
 d(predicted pixel)/d(parameter). Rays instead of ground points keep the noise at its origin: a pixel of a shallow ray is
 as accurate as any other, only its point on the ground is not.
 
@@ -34,31 +34,31 @@ SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
 DELAY, _, _, _, HEADING, HEIGHT, READOUT, POSITION_DELAY = map(int, [*SharedParameter][:8])
 NORTH, EAST = SHARED_COUNT, SHARED_COUNT + 1
-"""Columns of a row by the apparent place: the target, or as well the error of the vehicle's position."""
+"""Columns of a row for the apparent place: they hold for the target and for the vehicle's position error alike."""
 LEVER = slice(int(SharedParameter.LEVER_X), int(SharedParameter.LEVER_Z) + 1)
 MOUNT = slice(int(SharedParameter.MOUNT_X), int(SharedParameter.MOUNT_Z) + 1)
 NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
-"""Parameters whose rows carry fresh errors: time, attitude about three axes, height, position."""
+"""Columns that also propagate measurement noise: time, attitude about three axes, height, position."""
 LEAST_COSINE = 0.01
-"""Cosine between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right
-angle they exceed the pixel's own noise by more than a double resolves."""
+"""Least cosine between a ray and its prediction: 89.4 degrees. Rows grow with the square of its inverse. Nearer to a
+right angle they exceed the pixel's own noise by more than a double resolves."""
 LEAST_DOWN = 0.02
-"""Down component of a unit ray that meets the ground: 1.1 degrees below the horizon."""
+"""Least down component of a unit ray that meets the ground: 1.1 degrees below the horizon."""
 
 
 class CameraPose(msgspec.Struct, frozen=True):
-    """The camera at each measurement (..., N), by some values of the shared parameters."""
+    """Poses of the camera at each measurement (..., N), for given values of the shared parameters."""
 
     poses: DelayedPoses
-    """Of the vehicle."""
+    """Poses of the vehicle."""
     mounted: Array
     """(..., 1, 3, 3), correction of the mount."""
     ned_from_mounted: Array
-    """(..., N, 3, 3), by the true heading."""
+    """(..., N, 3, 3), attitude of the mounted camera, by the true heading."""
     camera: Array
-    """(..., N, 3): reported north and east, and height above the target's ground, m."""
+    """(..., N, 3), camera position: reported north and east, and height above the target's ground, m."""
     velocity_ned: Array
-    """(..., N, 3), of the camera, which swings about the vehicle's reference point, m/s."""
+    """(..., N, 3), velocity of the camera, which swings about the vehicle's reference point, m/s."""
 
     def ground_points(self, ray: Array) -> tuple[Array, Mask]:
         """(..., N, 2) north and east where rays of the mounted camera meet the ground, and whether they do."""
@@ -69,7 +69,7 @@ class CameraPose(msgspec.Struct, frozen=True):
 
 
 def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
-    """The camera's poses by values (..., 11) of the shared parameters, as if the reported position were right."""
+    """The camera poses for values (..., 11) of the shared parameters, as if the reported position were right."""
     value = shared[..., None, :]
     poses = batch.poses.at(value[..., DELAY] - value[..., READOUT] * batch.row_fraction)
     turns = np.zeros((*shared.shape[:-1], 2, 3))
@@ -101,7 +101,7 @@ class PredictedPixels(msgspec.Struct, frozen=True):
 
 
 def predict(batch: MeasurementBatch, targets: Array, shared: Array) -> PredictedPixels:
-    """The predictions of apparent places (..., N, 2) about shared parameters (..., 11).
+    """The predicted pixels of apparent places (..., N, 2), linearized about shared parameters (..., 11).
 
     In the frame of the mounted camera, with M its attitude, x the target from the camera and d the measured ray:
     residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
@@ -119,8 +119,8 @@ def predict(batch: MeasurementBatch, targets: Array, shared: Array) -> Predicted
 
 
 def _offsets(batch: MeasurementBatch, seen: Array) -> tuple[Array, Array, Mask]:
-    """Predicted minus measured pixels (..., N, 2) of what the camera sees at ``seen`` (..., N, 3), the inverse of its
-    depth (..., N, 1), and whether it lies within 89.4 degrees of the ray.
+    """Predicted minus measured pixels (..., N, 2) of targets at ``seen`` (..., N, 3) in camera axes, the inverse of
+    their depth (..., N, 1), and whether they lie within 89.4 degrees of the ray.
     """
     depth = dot(seen, batch.ray)
     valid = depth > LEAST_COSINE * np.sqrt(dot(seen, seen))
@@ -138,15 +138,14 @@ def distances(batch: MeasurementBatch, places: Array, shared: Array) -> Array:
 
 
 def _columns(batch: MeasurementBatch, shared: Array, pose: CameraPose, seen_of: Array) -> Array:
-    """(..., N, 3, 13) change of what is seen with each parameter, then with north and east.
+    """(..., N, 3, 13) derivative of the target's position in camera axes by each parameter, then by north and east.
 
-    ``seen_of`` (..., N, 4, 3): the target, both velocities and the target turned by a right angle, as the camera sees
-    them.
+    ``seen_of`` (..., N, 4, 3), camera axes: the target, both velocities, and the target turned by a right angle.
     """
     axes, crossed = pose.ned_from_mounted, skew(seen_of[..., 0, :])
     columns = np.empty((*seen_of.shape[:-2], 3, ROW_COUNT))
     columns[..., DELAY] = turned_back(crossed, turned_back(pose.mounted, pose.poses.rates)) + seen_of[..., 1, :]
-    # A step of the rotation vector is not quite a rotation: to first order in the correction itself.
+    # A step of the rotation vector is not quite a rotation: this holds to first order in the correction itself.
     columns[..., MOUNT] = times(crossed, EYE - 0.5 * skew(shared[..., None, MOUNT]))
     columns[..., HEADING] = seen_of[..., 3, :]
     columns[..., HEIGHT] = -axes[..., 2, :]
@@ -158,9 +157,9 @@ def _columns(batch: MeasurementBatch, shared: Array, pose: CameraPose, seen_of: 
 
 
 def common_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> Array:
-    """(..., N, 2, 7) the roots of the noise that the measurements of one frame have in common, px.
+    """(..., N, 2, 7) square roots of the noise covariance that the measurements of one frame have in common, px.
 
-    With pixel_sigma^2 on the diagonal, common @ common' is all of the noise.
+    The whole noise covariance is common @ common' plus pixel_sigma^2 on the diagonal.
     """
     since_s = batch.since_s
     least_s = np.maximum(np.where(since_s > 0.0, since_s, np.inf), 1e-3)
@@ -174,5 +173,5 @@ def common_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> A
 
 
 def _repeated(step_s: float | Array, since_s: Array) -> Array:
-    """Number of measurements that share one sample of telemetry that comes at such steps."""
+    """Number of measurements that share one sample of telemetry, which comes every ``step_s``."""
     return np.maximum(1.0, step_s / since_s)
