@@ -1,9 +1,10 @@
-"""The error of the vehicle's reported position as states: all targets share it, and it wanders.
+"""States of the error of the vehicle's reported position, which wanders and which all targets share.
 
-Receivers' errors move smoothly, some filters' do not, and no report states which. So there are two hypotheses of the
-same sigma and time constant T: a second-order Gauss-Markov process with both poles at 2 / T (critically damped; Gelb
-1974, ch. 2), and one with the poles 1 / T and 1 / QUICK_S, a first-order process beyond a second. Within a second
-1 m moves by 0.03 m as the one and by 0.11 m as the other. What a flight shows decides, by likelihood.
+Errors of receivers move smoothly, errors of some filters do not, and no report states the kind. So there are two
+hypotheses with the same sigma and time constant T: a second-order Gauss-Markov process with both poles at 2 / T
+(critically damped; Gelb 1974, ch. 2), and one with the poles 1 / T and 1 / QUICK_S, a first-order process beyond a
+second. Within a second an error of 1 m moves by 0.03 m under the former and by 0.11 m under the latter. The likelihood
+of a flight's measurements decides.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ QUICK_S = 1.0
 QUICK, SMOOTH = range(2)
 """Index of each hypothesis."""
 APART = 1e-3
-"""Relative distance of the two poles of a critically damped process, for one formula of all transitions."""
+"""Relative distance of the two poles of a critically damped process, so that one formula gives all transitions."""
 AXES = np.eye(2)
 """North and east move alike."""
 
@@ -29,13 +30,13 @@ class PositionError(msgspec.Struct, frozen=True):
     """The processes under each hypothesis (B); the states of each are north, east, and their rates."""
 
     poles: Array
-    """(B, K), 1/s."""
+    """(B, K), poles of the processes, 1/s."""
     modes: Array
     """(B, K, states, states): each decays by its pole, and their sum is the transition."""
     prior: Array
-    """(B, states, states), covariance."""
+    """(B, states, states), stationary covariance of the states."""
     by_state: Array
-    """(2, states), the error's north and east by the states."""
+    """(2, states), matrix from the states to north and east of the error."""
 
     @property
     def count(self) -> int:
@@ -43,7 +44,7 @@ class PositionError(msgspec.Struct, frozen=True):
         return len(self.by_state[0])
 
     def take(self, hypotheses: list[int]) -> PositionError:
-        """Some of the hypotheses."""
+        """The processes under some of the hypotheses."""
         return PositionError(self.poles[hypotheses], self.modes[hypotheses], self.prior[hypotheses], self.by_state)
 
     def transition(self, seconds: float) -> Array:

@@ -12,30 +12,31 @@ from fwav_companion.geometry.vectors import ZERO3, Vector3, add, dot, scale, sub
 from fwav_companion.types import ErrorPriors, VehicleState
 
 TELEMETRY_STEP_S = 0.1
-"""Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise, and that of the
-attitudes where those come no faster."""
+"""Interval of height and position, s: they arrive at 10 Hz and are interpolated. Frames that come faster share their
+noise, and also the noise of the attitudes where those come no faster than the frames."""
 VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
-"""Density of what reported velocities leave open, m^2/s: 0.1 m/s, fresh in every report."""
+"""Process noise of the position due to errors of reported velocities, m^2/s: 0.1 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
+"""Step of the position from which smoothing starts again, in sigmas, and a part of that sigma, m."""
 LONGEST_S = 2.0
-"""A step of the position, and an interval, after which smoothing begins again."""
+"""Interval of two reports from which smoothing starts again, s."""
 
 SmoothedReport: TypeAlias = tuple[Vector3, Vector3]
-"""Noise of one reported position, NED, metres, and the variance of what is left of it on each axis, m^2."""
+"""Estimated noise of one reported position, NED, metres, and the variance of that estimate on each axis, m^2."""
 
 
 class PositionPath(msgspec.Struct, frozen=True, gc=False):
-    """The newest point of the path, by a Kalman filter of each axis with the velocity as its input. Immutable."""
+    """Newest point of the path, from a Kalman filter of each axis with the reported velocity as input. Immutable."""
 
     at_s: float = 0.0
     position: Vector3 = ZERO3
     velocity: Vector3 = ZERO3
     variance: Vector3 = ZERO3
     begun: int = 0
-    """Number of times that the path began again; 0 before the first report."""
+    """Number of starts of the path; 0 before the first report."""
 
     def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
-        """The noise of a later report, and the variance that is left of it; None without a path that leads to it."""
+        """The estimated noise of a later report, and its variance; None if the path does not lead to that report."""
         at_s, position = s_from_ns(vehicle.boot_ns), vehicle.position_ned
         if position is None or vehicle.velocity_ned is None or not self._leads_to(at_s):
             return None
@@ -63,14 +64,14 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
         return self.begun > 0 and 0.0 < at_s - self.at_s < LONGEST_S
 
     def _predicted(self, at_s: float, velocity: Vector3) -> tuple[Vector3, Vector3]:
-        """Position and variance at a later instant with this velocity."""
+        """Predicted position and variance at a later instant with this velocity."""
         seconds = at_s - self.at_s
         more = VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
         moved = scale(add(self.velocity, velocity), 0.5 * seconds)
         return add(self.position, moved), add(self.variance, (more, more, more))
 
     def shift_by(self, later: PositionPath, shift: Vector3) -> Vector3:
-        """Change of the position by the later one of the path, which changes by ``shift``; 0 on another path."""
+        """Correction of this point by the ``later`` one, which is corrected by ``shift``; 0 if on another path."""
         if later.begun != self.begun or later.at_s <= self.at_s:
             return ZERO3
         predicted, variance = self._predicted(later.at_s, later.velocity)
@@ -80,11 +81,11 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
 
 
 def chord_error_m(before: Vector3, after: Vector3, seconds: float) -> float:
-    """Distance between the end of a path with the mean of two velocities and that of an arc between them, metres.
+    """Error of a prediction with the mean of two velocities if the vehicle flies an arc between them, metres.
 
-    Over an arc with the angle 2 a and the speed v, the chord is v t sin(a) / a, and the mean velocity makes
-    v t cos(a) of it. A target that leaves the view on a tight circle is seen again after a third of a turn: the
-    smoothed path was 0.6 m off there, and followed the reported positions only within seconds.
+    Over an arc with the angle 2 a and the speed v, the chord is v t sin(a) / a, but the mean velocity gives
+    v t cos(a). A target that leaves the view on a tight circle is seen again after a third of a turn: the smoothed path
+    was 0.6 m off there, and took seconds to follow the reported positions.
     """
     squares, both = (dot(before, before), dot(after, after)), dot(before, after)
     half = 0.5 * atan2(sqrt(max(0.0, squares[0] * squares[1] - both * both)), both)

@@ -1,13 +1,13 @@
-"""The reported position, smoothed with the reported velocity.
+"""Smoothing of the reported position with the reported velocity.
 
-A row at a noisy position holds the same noise as its residual, and a filter takes that for information: a copter that
-hovered and turned at 10 m with 0.3 m of height noise lost 1.3 m of height at a sigma of 0.34 m. Smoothed, the noise is
-a fifth, and what it makes of the rows a thirtieth. The noise of a measurement stays that of single positions: as often
-as they come, their mean is as good.
+A row at a noisy position contains the same noise as its residual, and a filter takes that for information: a copter
+that hovered and turned at 10 m with 0.3 m of height noise lost 1.3 m of height with a sigma of 0.34 m. Smoothing
+reduces the noise to a fifth, and its effect on the rows to a thirtieth. The noise of a measurement stays that of single
+positions, because their mean is only as good as their number allows.
 
 Where a target comes into view for two seconds, a path that is smoothed by earlier positions alone has the noise of its
-first ones for half of that time. So passes over kept measurements smooth it by the later ones, too (Rauch, Tung &
-Striebel 1965).
+first positions for half of that time. So passes over kept measurements smooth the path by the later positions, too
+(Rauch, Tung & Striebel 1965).
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
 def in_motion(
     batch: MeasurementBatch, captures_s: Array, motions: Sequence[VehicleMotion], sample: Sequence[int]
 ) -> MeasurementBatch:
-    """The batch along the smoothed path, with denoised rates. ``captures_s`` (N): nominal; ``sample`` (N): which of the
-    motions belongs to each.
+    """The batch with positions on the smoothed path, and with denoised rates.
+
+    ``captures_s`` (N): nominal captures; ``sample`` (N): index in ``motions`` of each measurement.
     """
     rates = np.array([(motion.slow, motion.denoiser.shares) for motion in motions])[sample]
     paths, poses = tuple([m.path for m in motions]), denoised(batch.poses, rates)
@@ -48,7 +49,7 @@ def in_motion(
 
 
 def smoothed_back(batches: Sequence[MeasurementBatch]) -> list[Array]:
-    """Changes (S, 3) of the points of the batches' paths by all later ones, in the order of the batches."""
+    """Corrections (S, 3) of the points of each batch's path by all later points, in the order of the batches."""
     found, later, shift = list[Array](), PositionPath(), ZERO3
     for batch in reversed(batches):
         own = list[Vector3]()
@@ -60,7 +61,7 @@ def smoothed_back(batches: Sequence[MeasurementBatch]) -> list[Array]:
 
 
 def moved(batch: MeasurementBatch, shifts: Array) -> MeasurementBatch:
-    """The batch with the points (S, 3) of its path elsewhere."""
+    """The batch with the points of its path moved by ``shifts`` (S, 3)."""
     shift = shifts[batch.sample]
     down = batch.camera_down + np.where(batch.ranged, shift[:, 2], 0.0)
     poses = msgspec.structs.replace(batch.poses, position_ned=batch.poses.position_ned + shift[:, None])

@@ -1,4 +1,4 @@
-"""What sights close in time share of the vehicle's motion: its slow rates, and its smoothed path."""
+"""Motion of the vehicle that sights close in time share: its slow rates, and its smoothed path."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from fwav_companion.types import ErrorPriors, Unpaired, VehicleState
 
 
 class VehicleMotion(msgspec.Struct, frozen=True, gc=False):
-    """The motion at one instant, and what it rests on."""
+    """Motion of the vehicle at one instant, with the filters that estimate it."""
 
     slow: Vector3 = ZERO3
-    """Mean rates around the instant, rad/s, axes of the carrier; zero where the states around it are not known."""
+    """Mean angular rates around the instant, axes of the carrier, rad/s; zero where states around it are not known."""
     denoiser: RateDenoiser = RateDenoiser()
     path: PositionPath = PositionPath()
 
     def after(
         self, nominal: VehicleState, delay_s: float, state_at: StateAt | None, priors: ErrorPriors
     ) -> VehicleMotion:
-        """The motion at a later capture that is late by ``delay_s``; ``nominal``: the vehicle as if it were not."""
+        """The motion at a later capture with the delay ``delay_s``; ``nominal``: the vehicle state without delay."""
         slow, at = ZERO3, nominal
         if state_at is not None:
             half_ns, at_ns = ns_from_s(0.5 * SPAN_S), nominal.boot_ns - ns_from_s(delay_s)
