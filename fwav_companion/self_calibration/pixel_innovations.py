@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.joint_filter import JointFilter
 
 LEAST_DETERMINANT = 1e-300
-"""Least determinant of a covariance, px^4, where rounding left none that is positive."""
+"""Substitute for a determinant that rounding left not positive, px^4."""
 
 
 class PixelInnovations(msgspec.Struct, frozen=True):

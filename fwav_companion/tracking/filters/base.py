@@ -32,7 +32,7 @@ class TargetEstimate(Protocol):
 
     @property
     def apparent_ned(self) -> Vector3:
-        """Position of the target plus the present error of the vehicle's position, as in single fixes, NED, metres."""
+        """Target position plus present error of the vehicle's position, NED, metres: single fixes agree with this."""
 
     @property
     def relative_cov(self) -> Matrix3:

@@ -41,7 +41,7 @@ fifth with the beat of the wings: a gain that uses this change, too, multiplies 
 0.009 m; figure-eight with the camera 35 ms late and the mount off by 0.5, 1, 2 deg 0.11 / 0.26, 0.09 / 0.23, 0.09 /
 0.16 m; descent with the mount off by 1 deg 0.021 / 0.08, 0.025 / 0.07, 0.026 / 0.07 m."""
 SENSITIVITY_STEP_S = 6.0
-"""Twice the correlation time of that error, seconds: the error stays the same while the geometry does."""
+"""Twice the correlation time of the sensitivities' error, seconds: it stays the same while the geometry does."""
 FIRST_SENSITIVITY_S = 0.1
 """Interval assumed for the first fix of a target, seconds, because no fix precedes it. With the whole correlation time
 its noise would stay in the mean of the first seconds; with a frame's interval its sigma would be several times too

@@ -20,7 +20,7 @@ from fwav_companion.types import Bias, GroundFix
 
 MEAN_S = 0.7
 """Time constant of the running mean of the fixes, seconds: three wing beats of 5 Hz. Between 0.5 and 1 s the errors
-at the end of hovers, descents and eights differ by less than a tenth."""
+at the end of hovers, descents and figure-eights differ by less than a tenth."""
 CLIMB_DENSITY = 0.05
 """Spectral density of the vertical acceleration, m^2/s^3: the climb changes by 0.2 m/s within a second."""
 START_CLIMB_VARIANCE = 1.0

@@ -14,7 +14,8 @@ Not every error is smooth. As far as the fixes show a first-order error (``wande
 predicted with that. The covariance of the place hardly depends on the kind: both have the same integral.
 
 The apparent place is filtered at every fix. Place, errors and rates are updated once a second, by one scalar Kalman
-filter for both axes: the wander is the same along each, and the fixes' difference between the axes is small against it.
+filter for both axes: the wander is the same along each, and the fixes' covariances differ little between the axes in
+comparison.
 """
 
 from __future__ import annotations
