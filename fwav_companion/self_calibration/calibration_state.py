@@ -1,4 +1,4 @@
-"""The state of self-calibration, and what it shows of the targets and of the configuration."""
+"""The state of self-calibration, and the estimates of targets and configuration errors read from it."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
 LAG_S = 0.06
-"""Lag behind the newest frame, beyond the delays of the hypotheses: later attitudes must have arrived."""
+"""Lag of the measurements behind the newest frame, s, in addition to the delay: later attitudes must have arrived."""
 
 
 class CalibrationState(msgspec.Struct, frozen=True, dict=True):
-    """The state of self-calibration; :class:`Calibrator` has its steps."""
+    """The state of self-calibration with its read-only queries; :class:`Calibrator` adds the update steps."""
 
     context: CalibrationContext
     queue: MeasurementQueue = MeasurementQueue()
     search: DelaySearch | None = None
-    """The search for the delay, while it goes on."""
+    """Delay search in progress; None before and after it."""
     no_delay: NoDelay | None = None
     """Result of the last search, if it found no delay."""
     replaced: bool = False
@@ -54,50 +54,51 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
     motion: VehicleMotion = VehicleMotion()
     """The vehicle's motion at the newest measurements."""
     stamp_sigma_s: float = 0.0
-    """One sigma of the open instant of the newest attitude stamps."""
+    """One sigma of the instant of the newest attitudes by the unknown delay of their stamps, s."""
     slow_attitude_hz: float | None = None
-    """Rate of the newest attitudes where they distinguish no delay from another; None where they do."""
+    """Rate of the newest attitudes, Hz, if their stamps are too uncertain to distinguish delays; otherwise None."""
     idle_until_ns: HostNs = HostNs(0)
     """End of the pause after a search without result."""
     judged: FilterPass | None = None
-    """The served estimate that was assessed last."""
+    """The served pass that was assessed last."""
     present: FilterPass | None = None
-    """The same, predicted to the newest frame after a gap."""
+    """The pass ``judged``, predicted to the newest frame after a gap."""
     assessment: Assessment | None = None
-    """Assessment of that."""
+    """Assessment of ``present``."""
     mount_check: MountCheck = MountCheck()
     host_ns: HostNs = HostNs(0)
 
     @cached_property
     def due_ns(self) -> HostNs | None:
-        """Instant to measure what waits even if no further frame comes: later, the vehicle's states are forgotten."""
+        """Instant at which waiting fixes are used without a further frame, while the vehicle states are kept."""
         return self.queue.due_without_frame(ns_from_s(self._lag_s()))
 
     @property
     def delay_s(self) -> float | None:
-        """Delay of the poses of new measurements, once it was found."""
+        """Delay at which the poses of new measurements are taken, s; None until it was found."""
         return self.passes.delay_s
 
     def expect(self, fixes: Sequence[GroundFix]) -> None:
-        """Announce the fixes of a frame that are going to be gated."""
+        """Announce the fixes of a frame before they are gated one by one."""
         self.context.expect(fixes)
 
     def placed(self, track: int) -> CalibratedPlace | None:
-        """A target by the joint estimate; None while that does not hold it."""
+        """Place of a track's target by the joint estimate; None while the estimate does not hold the target."""
         return None if self.assessment is None else self.assessment.places.get(track)
 
     def bias_shares(self, track: int) -> dict[str, float]:
-        """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
+        """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold the target."""
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
     def by_fix(self, track: int, fix: GroundFix, claimed_m2: float) -> CalibratedFix | None:
-        """A target relative to the vehicle at its fix: by the joint estimate along the smoothed path or by the fix
-        alone, whichever claims less; the fix alone where a flight shows that the vehicle's position does not wander
-        smoothly.
+        """Place of a track's target relative to the vehicle at the capture of this fix.
 
-        Where both contradict each other, along the path: a false detection claims as little as a right one. But after a
-        jump of the vehicle's position the fix before this one shows the same.
-        None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
+        Of two places, the joint estimate along the smoothed path and the fix alone, it is the one with the smaller
+        covariance; the fix alone where the vehicle's position is known not to wander smoothly.
+
+        Where the two contradict each other, it is the one along the path, because a false detection claims as little
+        as a right one; but the fix alone if the previous fix shows the same place, as after a jump of the vehicle's
+        position. None where neither trace is below ``claimed_m2``, the trace of the covariance known without this fix.
         """
         assessment, present, placed = self.assessment, self.present, self.placed(track)
         if assessment is None or present is None or placed is None:
@@ -112,16 +113,19 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         return alone
 
     def in_report(self, track: int, vehicle: VehicleState) -> CalibratedFix | None:
-        """A target relative to the vehicle at an instant without a fix of it; None where its velocity is not known."""
+        """Place of a track's target relative to the vehicle's report, at an instant without a fix of the target.
+
+        None where the target's place or the vehicle's velocity is not known.
+        """
         placed, variance = self.placed(track), self.context.priors.position_noise_m**2
-        all_noise = (ZERO3, (variance, variance, 0.0))  # of a report that no path leads to
+        all_noise = (ZERO3, (variance, variance, 0.0))  # noise of a report that no path leads to
         return None if placed is None else placed.along_path(vehicle, self._smoothed(vehicle) or all_noise)
 
     def _smoothed(self, vehicle: VehicleState) -> SmoothedReport | None:
         return self.motion.path.report(vehicle, self.context.priors)
 
     def _is_repeated(self, track: int, fix: GroundFix, alone: CalibratedFix) -> bool:
-        """Whether the fix before this one of the same track shows the same place."""
+        """Whether the previous fix of this track shows the same place."""
         before = self.queue.before(track, fix.sighting.frame_host_ns)
         if before is None or self.assessment is None:
             return False
@@ -131,12 +135,12 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def mistake(self) -> str:
-        """Gross mistake of the mount, as a sentence; empty where there is none. Nothing is estimated meanwhile."""
+        """Gross mistake of the mount, as a sentence; empty where there is none. With a mistake nothing is estimated."""
         return "" if self._explained else self.mount_check.text
 
     @property
     def misplaced_m(self) -> float:
-        """Error of all published places by a mount that explains the sights better: one sigma an axis."""
+        """Error of all published places according to a mount that explains the sights better, one sigma an axis, m."""
         found = self.mount_check.mistake
         return 0.0 if found is None or self._explained else found.misplaced_m
 
@@ -159,10 +163,11 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def answers(self) -> bool:
-        """Whether the joint estimate is the answer for every target that it holds.
+        """Whether the joint estimate, instead of a track's own filter, is used for every target that it holds.
 
-        From when the delay is known, while a constant mount explains the flight: what is not shown is at its prior in
-        every claim. Earlier only where the flight contradicts a prior, on which the other filters rest.
+        It is used once the delay is known, while a constant mount explains the flight: each covariance includes the
+        unobservable parameters at their priors. Before, it is used only where the flight contradicts a prior, because
+        the tracks' own filters rest on that prior.
         """
         assessment = self.assessment
         if assessment is None or assessment.status is CalibrationStatus.WAITING:
@@ -171,7 +176,7 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def mount_off(self) -> float:
-        """Largest likely error of the configured mount, rad: the estimate, and two sigma of the rest."""
+        """Largest likely error of the configured mount, rad: the estimated correction plus two sigma of it."""
         means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)
         return hypot(*(means[i] for i in MOUNT_AXES)) + 2.0 * max(sigmas[i] for i in MOUNT_AXES)
 
@@ -188,12 +193,12 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def _shown_delay_s(self) -> float:
-        """The delay that the flight shows; 0 until then: a search that a wrong mount misleads finds any delay."""
+        """Delay, s, if the flight shows it; otherwise 0, because a search misled by a wrong mount finds any delay."""
         shown = self.assessment is not None and SharedParameter.DELAY in self.assessment.parameters
         return self.delay_s or 0.0 if shown else 0.0
 
     def _state_at_capture(self, nominal: VehicleState) -> VehicleState:
-        """The vehicle at a capture, by the delay if the flight shows one."""
+        """The vehicle's state at a capture, corrected by the delay if the flight shows one."""
         if not self._shown_delay_s or self.context.state_at is None:
             return nominal
         state = self.context.state_at(BootNs(nominal.boot_ns - ns_from_s(self._shown_delay_s)))

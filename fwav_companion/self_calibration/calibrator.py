@@ -1,9 +1,10 @@
 """Self-calibration: the camera's delay, its mount and the height, from targets that are seen repeatedly.
 
 It runs a little behind the frames, so that the vehicle's states around each capture are known. First the delay is
-searched: a bank of joint estimates, one for each delay, because a flapping wing is not linear in it. The best one is
-the linearization point of a pass over all kept measurements, and passes are repeated while the estimate settles
-(``relinearization``). Parameters that the flight has not shown are held at their priors (``assessment``).
+searched with a bank of joint filters, one for each hypothesis of the delay, because the motion of a flapping wing is
+not linear in the delay. The best hypothesis is the linearization point of a pass over all kept measurements. Passes are
+repeated while the estimate settles (``relinearization``). Parameters that are not observable in the flight stay at
+their priors (``assessment``).
 
 Immutable except for :class:`CalibrationContext`, which holds the constants.
 """
@@ -39,23 +40,25 @@ from fwav_companion.self_calibration.relinearization import STEP, steps_within
 from fwav_companion.types import GroundFix
 
 MOST_TARGETS = 30
-"""Targets of the joint estimate: three determine everything that ten do, and a search keeps 20 covariances of them."""
+"""Most targets in the joint estimate. Three targets determine everything that ten do, and a search keeps 20 covariances
+of all of them."""
 GAP_NS = 500 * NS_PER_MS
-"""Age of the estimate from which it is predicted to a frame. Sights are taken 0.2 to 0.45 s late: within that a
-first-order position error of 1 m and 60 s moves by 0.12 m along an axis, a third of the noise of a fix, and to predict
-the gate for every frame cost a tenth of the CPU of ten targets (three pairs: 1.00, 1.11, 1.18)."""
+"""Age of the estimate beyond which it is predicted to the capture of a frame. Measurements are used 0.2 to 0.45 s late.
+Within that time a first-order position error of 1 m and 60 s moves by 0.12 m along an axis, a third of the noise of a
+fix. Predicting the gate for every frame cost a tenth of the CPU of ten targets (three pairs: 1.00, 1.11, 1.18)."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
-"""Pause after a search without result: a search costs as much as ten targets do."""
+"""Pause after a search without result, because a search costs as much CPU as ten targets do."""
 
 
 class Calibrator(CalibrationState, frozen=True):
-    """The steps of self-calibration. Immutable: each frame gives a new one."""
+    """The self-calibration state with its update steps. Immutable: each step returns a new calibrator."""
 
     def predicted(self, host_ns: HostNs) -> Calibrator:
-        """The state at the capture of a frame, before it: while no target was in view, the error of the vehicle's
-        position has wandered, and with it the places relative to the vehicle.
+        """The calibrator predicted to the capture of a frame, before the fixes of that frame are used.
 
-        By the estimate of 9 s ago, three of ten targets 5 m apart were refused by their own tracks, and began new ones.
+        While no target was in view, the error of the vehicle's position has wandered, and with it the places relative
+        to the vehicle. Gated by an estimate that was 9 s old, three of ten targets 5 m apart were refused by their own
+        tracks and initiated new ones.
         """
         if self.present is None or host_ns - self.present.joint.host_ns <= GAP_NS:
             return self
@@ -71,7 +74,10 @@ class Calibrator(CalibrationState, frozen=True):
         fixes: Sequence[tuple[int, GroundFix]],
         alive: Collection[int],
     ) -> Calibrator:
-        """The state after a frame with all fixes ``seen``; ``fixes`` by track; ``alive``: all live tracks."""
+        """The calibrator after one frame.
+
+        ``seen``: all fixes of the frame. ``fixes``: the associated ones, with their tracks. ``alive``: all live tracks.
+        """
         mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s, self.context.priors)
         if mount_check.text and not self._explained:
             return self._afresh(host_ns=host_ns, mount_check=mount_check)
@@ -80,7 +86,7 @@ class Calibrator(CalibrationState, frozen=True):
         return state.caught_up(host_ns, alive)
 
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
-        """The state after everything that is due is measured; ``alive``: all live tracks."""
+        """The calibrator after all measurements that are due were used. ``alive``: all live tracks."""
         span_ns = SEARCH_NS if self.delay_s is None else BATCH_NS
         due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())), span_ns)
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
@@ -94,20 +100,20 @@ class Calibrator(CalibrationState, frozen=True):
         return state._searched(steps)._passed(steps)._assessed()
 
     def report(self) -> CalibrationReport:
-        """The present state of self-calibration."""
+        """Report of the present state of self-calibration."""
         return report_of(self)
 
     def restarted(self) -> Calibrator:
-        """The state after every target was dropped: the calibration stays, as a prior."""
+        """The calibrator after all targets were dropped. The calibration so far stays as a prior."""
         keep = None if self.assessment is None else self.assessment.keep
         old = self.context
         context = old if keep is None else CalibrationContext(old.priors, old.state_at, keep)
         return self._afresh(context=context)
 
-    # Each step returns the next state.
+    # Each of the following steps returns the next calibrator.
 
     def _only(self, alive: Collection[int]) -> Calibrator:
-        """Without the tracks that ended."""
+        """The calibrator without the tracks that ended."""
         gone = self.passes.tracks.difference(alive)
         if not gone:
             return self
@@ -115,12 +121,12 @@ class Calibrator(CalibrationState, frozen=True):
         return msgspec.structs.replace(self, search=search, passes=self.passes.only(alive))
 
     def _teaching(self, alive: Collection[int]) -> set[int]:
-        """The tracks that are measured: those of the estimate, then the oldest of the others."""
+        """The tracks whose fixes are used: those known already, then the oldest others, up to MOST_TARGETS."""
         known = self.passes.tracks.intersection(alive)
         return {*known, *sorted(set(alive) - known)[: max(0, MOST_TARGETS - len(known))]}
 
     def _with_frames(self, frames: Frames, alive: Collection[int]) -> Calibrator:
-        """With the fixes of a few frames as one batch; attitudes that distinguish no delay contribute nothing."""
+        """The calibrator after a few frames as one batch. Attitudes that distinguish no delay contribute nothing."""
         context, found, queue, motions = self.context, self.delay_s, self.queue, [self.motion]
         fixes, since_s, sample = list[tuple[int, GroundFix]](), list[float](), list[int]()
         for each in samples_of(frames):
@@ -157,7 +163,7 @@ class Calibrator(CalibrationState, frozen=True):
         return msgspec.structs.replace(state, search=(state.search or delay_search(self.context)).fed(batch))
 
     def _searched(self, steps: int) -> Calibrator:
-        """After the search's step of a frame, or all of them between photographs; a delay begins the first pass."""
+        """The calibrator after one step of the search, or all steps between photographs; a delay begins a pass."""
         if self.search is None:
             return self
         kept, kinds = self.passes.kept, self.passes.kinds
@@ -173,7 +179,7 @@ class Calibrator(CalibrationState, frozen=True):
                 return msgspec.structs.replace(self, search=search)
 
     def _given_up(self, no_delay: NoDelay) -> Calibrator:
-        """After a search without result; another begins after a pause."""
+        """The calibrator after a search without result. The next search begins after a pause."""
         if self.context.kept is not None:
             return self._begun_again()
         idle_until_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
@@ -188,7 +194,7 @@ class Calibrator(CalibrationState, frozen=True):
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _assessed(self) -> Calibrator:
-        """With an assessment of the served estimate as it is now."""
+        """The calibrator with an assessment of the served estimate."""
         served = self.passes.served
         if served is None or served is self.judged:
             return self
@@ -212,10 +218,10 @@ class Calibrator(CalibrationState, frozen=True):
         )
 
     def _begun_again(self) -> Calibrator:
-        """After the camera was moved since it was calibrated: the configuration is a better start."""
+        """The calibrator restarted from the configuration, because the camera was moved since it was calibrated."""
         return self._afresh(context=self.context.without_kept(), queue=self.queue, replaced=True)
 
     def _afresh(self, **changes: object) -> Calibrator:
-        """With nothing estimated yet."""
+        """A calibrator without any estimate, with these fields changed."""
         state = Calibrator(self.context, host_ns=self.host_ns, mount_check=self.mount_check, replaced=self.replaced)
         return msgspec.structs.replace(state, **changes)

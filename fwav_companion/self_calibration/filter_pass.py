@@ -1,4 +1,4 @@
-"""One pass over measurements: joint estimates that take them frame by frame, and the quality of their fit."""
+"""One pass over measurements: joint filters that are updated batch by batch, and the quality of their fit."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, came
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
 FIRST_MEASUREMENTS = 8
-"""Measurements before a target joins: its linearization point is their median, not one noisy, perhaps shallow, first.
-"""
+"""Measurements before a target joins the estimate: its linearization point is their median, because a single first
+measurement is noisy and perhaps shallow."""
 FIRST_PHOTOGRAPHS, PHOTOGRAPHED_NS = 3, 1_500_000_000
-"""The same where so few span this time, and that time: eight would span a minute, in which the position wanders."""
+"""Measurements before a target is added if they span this time, ns: on photographs, eight measurements would span a
+minute, in which the position wanders."""
 PHOTOGRAPH_NS = 500_000_000
-"""Mean interval of frames from which they are photographs."""
+"""Mean interval of frames from which they are photographs, ns."""
 WORST = 25.0
-"""Largest squared distance that a measurement counts."""
+"""Largest normalised innovation squared that a measurement is charged with in the score."""
 
 SMOOTH_MARGIN = 5.0
 """Log-likelihood ratio from which the vehicle's position is believed to wander smoothly."""
 
 
 class FilterPass(msgspec.Struct, frozen=True, dict=True):
-    """Joint estimates in progress, one for each hypothesis (B). Immutable."""
+    """A pass in progress: joint estimates, one for each hypothesis (B), and statistics of their fit. Immutable."""
 
     joint: JointFilter
     score: Array
     """(B), log-likelihood up to a constant."""
     score_variance: Array
-    """(B), variance of the score against that of another delay at which the vehicle moves alike; of a search alone."""
+    """(B), variance of the score's difference from another delay at which the vehicle moves alike; only in a search."""
     used: Array
-    """(B), measurements in the estimate; ``refused`` did not fit."""
+    """(B), number of measurements inside the gate."""
     refused: Array
+    """(B), number of measurements outside the gate."""
     hints: dict[int, Array] = {}
-    """(B, 2) linearization points of targets that are known already, by track."""
+    """(B, 2) linearization points of targets from an earlier pass, by track."""
     waiting: dict[int, tuple[MeasurementBatch, ...]] = {}
     """Measurements of targets that are not in the estimate yet, by track."""
     frames: int = 0
@@ -51,9 +53,9 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     """Measurements so far."""
     first_ns: int | None = None
     last_ns: int = 0
-    """Captures of the first and of the last batch."""
+    """Captures of the first and of the newest batch, host clock."""
     drift: InnovationConsistency | None = None
-    """Consistency of the used innovations, and the linearization point follows; None for a hypothesis of a search."""
+    """Consistency of the used innovations; None in a search, where the linearization point does not follow the mean."""
 
     @property
     def fits(self) -> Mask:
@@ -62,7 +64,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def chosen(self) -> int:
-        """The hypothesis of the vehicle's wander: the wider one until the other is much likelier."""
+        """Index of the hypothesis of the position's wander: QUICK, the wider one, until SMOOTH is much likelier."""
         return int(len(self.score) == 2 and self.score[SMOOTH] > self.score[QUICK] + SMOOTH_MARGIN)
 
     @property
@@ -72,12 +74,12 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def best(self) -> JointFilter:
-        """The joint estimate under that hypothesis: copied once, for the gates and for the report of a frame."""
+        """The joint estimate under the chosen hypothesis, copied once for the gates and the report of a frame."""
         return self.joint if len(self.score) == 1 else self.joint.take([self.chosen])
 
     @property
     def photographs(self) -> bool:
-        """Whether frames come so slowly that each has its own samples of telemetry, and motion of its own."""
+        """Whether frames are so slow that each has telemetry samples, and motion, of its own."""
         spanned_ns = self.last_ns - (self.first_ns or 0)
         return self.frames > 1 and spanned_ns >= PHOTOGRAPH_NS * (self.frames - 1)
 
@@ -87,7 +89,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         return int((self.used + self.refused).max())
 
     def take(self, hypotheses: Sequence[int]) -> FilterPass:
-        """Some of the hypotheses."""
+        """The pass with some of the hypotheses."""
         i = list(hypotheses)
         return msgspec.structs.replace(
             self,
@@ -100,12 +102,12 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         )
 
     def without(self, track: int) -> FilterPass:
-        """The pass without a target; what it contributed to the shared parameters stays."""
+        """The pass without a target. Its contribution to the shared parameters stays."""
         waiting = {each: batches for each, batches in self.waiting.items() if each != track}
         return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
 
     def predicted(self, host_ns: int) -> FilterPass:
-        """The pass at a later instant without measurements."""
+        """The pass predicted to a later instant."""
         joint = self.joint.predict(host_ns)
         return self if joint is self.joint else msgspec.structs.replace(self, joint=joint)
 
@@ -137,7 +139,10 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         return msgspec.structs.replace(self, waiting=others)._begun(track, joined(own))
 
     def _begun(self, track: int, own: MeasurementBatch) -> FilterPass:
-        """The pass with a new target. The measurement nearest to the median is the first: any of them may be gross."""
+        """The pass with a new target, updated with all its waiting measurements.
+
+        The measurement nearest to the median is used first and ungated, because any measurement may be a gross error.
+        """
         shared = self.joint.linearization_point[:, :SHARED_COUNT]
         points, hits = camera_pose(own, shared).ground_points(own.ray)
         met = np.asarray(hits.any(axis=1))
@@ -152,8 +157,8 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         return msgspec.structs.replace(self, joint=joint)._updated(own, ~first)
 
     def _hint(self, track: int, middle: Array) -> Array:
-        """(B, 2) linearization point of a new target: as far from those of the others as it is known to be, or the
-        ``middle`` of its measurements.
+        """(B, 2) linearization point of a new target: its hint, shifted as the points of the other targets are from
+        their hints; without a hint, the ``middle`` of its measurements.
         """
         known = [each for each in self.joint.tracks if each in self.hints and self.joint.position.count]
         if track not in self.hints or not known:
@@ -174,7 +179,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         joint, score, whitened = joint.update(seen, fits)
         refused = wanted & ~fits
         if refused.any():
-            # An impossible measurement is charged as the worst, so that it cannot win a search.
+            # A refused measurement is charged, too, and an impossible one as the worst: it cannot win a search.
             log_det = np.log(np.where(seen.valid, seen.determinant, batch.pixel_sigma.prod(1) ** 2))
             score = score - np.where(refused, 0.5 * (np.minimum(seen.nis, WORST) + log_det), 0.0).sum(1)
         searched = None if self.drift is not None else _score_variance(batch, seen, wanted)
@@ -190,14 +195,14 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
 
 def filter_pass(joint: JointFilter, hints: dict[int, Array], drift: InnovationConsistency | None = None) -> FilterPass:
-    """The pass before any measurement."""
+    """A pass about a joint estimate, before any measurement."""
     none = np.zeros(len(joint.mean))
     return FilterPass(joint, none, none, none.astype(int), none.astype(int), hints, drift=drift)
 
 
 def _score_variance(batch: MeasurementBatch, seen: PixelInnovations, wanted: Mask) -> Array:
     """(B), variance of the log-likelihood by which measurements may prefer another instant of the same motion: the
-    attitudes reported for that are as noisy, but not by the same errors.
+    attitudes reported for that instant are as noisy, but have other errors.
     """
     pixel2 = batch.pixel_sigma**2
     shares = (pixel2 / (pixel2 + (seen.common**2).sum(-1))) ** 2
