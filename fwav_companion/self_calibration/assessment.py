@@ -1,8 +1,8 @@
-"""What is believed of a joint estimate: the observable parameters, and the targets by it.
+"""Assessment of a joint estimate: its observable parameters, its status and the places of its targets.
 
-The estimate is the posterior of everything: what the flight does not show stays at its prior and in every claim. Its
-places are published once the mount is observable. A mount is reported with the heading's error in it, which is nearly
-inseparable from it while the tilt varies little.
+The estimate is the posterior of all parameters: an unobservable one stays at its prior and is included in every
+covariance. The places are published once the mount is observable. The reported mount includes the heading error, which
+is nearly inseparable from it while the tilt varies little.
 """
 
 from __future__ import annotations
@@ -37,42 +37,42 @@ DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
 """Posterior sigma over prior sigma below which a parameter is reported: its error is then much below its prior."""
 RETAINED = 1.1
-"""A parameter that is reported stays so up to this multiple: innovations that drift widen its sigma, and the places
-would jump back and forth at the bound. With 1.25 a heading that wanders by 2 degrees in 20 s is believed too long: of
-six figure-eights one ended with a normalised square of 53."""
+"""Multiple of the bounds up to which a parameter that was reported stays reported: drifting innovations widen its
+sigma, and the places would jump back and forth at the bound. With 1.25, the estimate is believed too long where the
+heading wanders by 2 degrees in 20 s: one of six figure-eights ended with a normalised squared error of 53."""
 MOST_DRIFT = 6.0
-"""Factor of drifting innovations from which no constant mount explains the flight. Where all errors are constant it is
-1 to 2.8 over descents, circles and eights, and 5 where something walks among the targets; with a heading that wanders
-by 2 degrees in 20 s it ends at 9 and 10."""
+"""Factor of drifting innovations beyond which no constant mount explains the flight. Where all errors are constant it
+is 1 to 2.8 over descents, circles and eights, and 5 where something walks among the targets; with a heading that
+wanders by 2 degrees in 20 s it ends at 9 and 10."""
 STEADY = 0.6
-"""Share of the stamps' open instant that is the same throughout a flight: a loop that sends at one phase of itself
-makes all of it so, one that sends at any phase none, and flights do not show which. A third of the variance claims
-neither too much of the one nor twice too little of the other."""
+"""Share of the attitude stamps' sigma that is one constant error throughout a flight. It is all of it if the sender's
+loop sends at one phase of itself, nothing if it sends at any phase, and flights do not show which. A third of the
+variance claims neither too much in the one case nor twice too little in the other."""
 
 
 class Assessment(msgspec.Struct, frozen=True):
-    """What is believed of a joint estimate."""
+    """Assessment of a joint estimate at one instant."""
 
     status: CalibrationStatus
     parameters: dict[int, tuple[float, float]]
-    """Mean and one sigma of the observable parameters; of the mount with the heading's error in it."""
+    """Mean and one sigma of each observable parameter; the mount includes the heading error."""
     keep: KeptCalibration | None
-    """Calibration for the next flight: the mount without the heading, of which another flight has another error."""
+    """Calibration for the next flight; its mount excludes the heading error, which differs between flights."""
     denied: tuple[PriorInflation, ...]
     """Priors of the configuration that the flight contradicts."""
     constant: bool
-    """Whether a constant mount explains the flight: the innovations do not drift by more than constant errors do."""
+    """Whether a constant mount explains the flight: the innovations drift no more than with constant errors."""
     mount_known: float
-    """Largest sigma of the mount across the line of sight in units of its prior, as the flight shows it."""
+    """Largest posterior sigma of the mount across the line of sight, in units of its prior sigma."""
     posterior: tuple[Array, Array]
-    """Mean and covariance of the joint estimate, as it is believed."""
+    """Mean and covariance of the joint estimate, widened for contradicted priors and drifting innovations."""
     known: KnownParameters
-    """The parameters by it, by which fixes are corrected."""
+    """Shared parameters of the posterior, by which fixes are corrected."""
     places: dict[int, CalibratedPlace]
-    """The targets, by track."""
+    """Places of the targets, by track."""
 
     def position_delay_share(self, sigma_s: float) -> float:
-        """Mean square of the position delay that is left, over the variance of its prior."""
+        """Posterior mean square of the position delay over the variance of its prior; ``sigma_s``: the prior sigma."""
         if sigma_s == 0.0:
             return 1.0
         (mean, cov), i = self.posterior, SharedParameter.POSITION_DELAY
@@ -92,8 +92,8 @@ def assessed(
     """The assessment of a joint estimate.
 
     ``priors``: means and one sigma of the shared parameters. ``axes``: mean directions in the body, down and toward the
-    targets. ``before``: the assessment before this one. ``stamp_sigma_s``: open instant of attitude stamps.
-    ``photographs``: no shaking shows the delay, only motion as slow as the errors that wander.
+    targets. ``before``: the previous assessment. ``stamp_sigma_s``: one sigma of the attitude stamps, s.
+    ``photographs``: whether no shaking shows the delay, only motion as slow as the errors that wander.
     """
     means, sigmas = priors
     denied = prior_inflations(joint, means, sigmas)
@@ -101,7 +101,7 @@ def assessed(
         joint = joint.inflated(each)
     sigmas = widened(sigmas, denied)
     factor, shown = (1.0, 1.0) if drift is None else (drift.factor, drift.shown)
-    # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
+    # Where a wrong prior biased the estimate, the innovations are biased as well and do not show what wanders.
     mount_known = _mount_known(joint, sigmas, 1.0 if denied else shown, axes[1])
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
@@ -129,12 +129,12 @@ def assessed(
 
 
 def _retained(before: Assessment | None, parameter: int) -> float:
-    """Factor on the bound of a parameter, which is wider for one that is reported already."""
+    """Factor on the bound of a parameter: wider if the previous assessment reported the parameter."""
     return RETAINED if before is not None and parameter in before.parameters else 1.0
 
 
 def widened(sigmas: Array, denied: Collection[PriorInflation]) -> Array:
-    """The sigmas with the contradicted ones widened."""
+    """The prior sigmas with those of contradicted priors widened."""
     sigmas = sigmas.copy()
     for each in denied:
         sigmas[each.parameter] = each.wider_sigma
@@ -146,8 +146,8 @@ def _estimate(mean: Array, cov: Array, i: int) -> tuple[float, float]:
 
 
 def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector3) -> float:
-    """Largest sigma of the mount across the mean line of sight, in units of its prior, with all that no flight
-    separates from it as known. A rotation about that line hardly moves what is seen.
+    """Largest sigma of the mount across the mean line of sight, in units of its prior, if the parameters that no flight
+    separates from it were known. A rotation about that line hardly moves the targets in the image.
     """
     prior = sigmas[MOUNT]
     if not prior.all():
@@ -159,7 +159,7 @@ def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector
 
 
 def _with_heading(mean: Array, cov: Array, down: Vector3) -> dict[int, tuple[float, float]]:
-    """The mount with the heading's error in it, a rotation about down.
+    """Mean and one sigma of each axis of the mount, including the heading error, a rotation about down.
 
     R(true) Exp(c) = R(reported) Exp(c - heading down), to first order, with down in the body.
     """
@@ -184,10 +184,10 @@ def _kept(mean: Array, cov: Array, delay_sigma_s: float, stamp_sigma_s: float) -
 def believed(
     assessment: Assessment | None, priors: tuple[Array, Array], stamp_sigma_s: float
 ) -> tuple[list[float], list[float]]:
-    """Mean and one sigma of each shared parameter.
+    """Means and one sigma of the shared parameters: as assessed if observable, otherwise their priors.
 
-    ``stamp_sigma_s``: open instant of the attitude stamps. Attitudes that are all as late make targets no worse, but
-    the camera seem early.
+    ``stamp_sigma_s``: one sigma of the attitude stamps, s. Attitudes that are all equally late do not displace the
+    targets, but make the camera seem early.
     """
     means, sigmas = priors[0].tolist(), priors[1].tolist()
     if assessment is not None:

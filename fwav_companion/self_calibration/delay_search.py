@@ -1,10 +1,11 @@
-"""The search for the camera's delay: a static bank of hypotheses (Magill 1965), and trials about their ends.
+"""The search for the camera's delay: a static bank of hypotheses (Magill 1965), and trials about their estimates.
 
-A flapping wing is not linear in the delay, so the bank only shows where to look: of two delays a beat apart it may
-prefer the one that happens to lie nearer to one of its own. So each end is fitted again about itself, over everything
-that was kept, until hypotheses are compared and not linearizations. The last trials associate the measurements of
-targets near to one another again, each about its own delay: a wrong one displaces by more than they are apart. A delay
-is found when no other distinguishable delay is nearly as likely, the prior included.
+The motion of a flapping wing is not linear in the delay, so the bank only shows where to look: of two delays a beat
+apart it may prefer the one that happens to lie nearer to a delay of the bank. So trials repeat the fit over all kept
+measurements, each linearized about the delay that a hypothesis ended at, until scores compare hypotheses and not
+linearizations. Trials of the last round associate the measurements of targets near to one another again, each about its
+own delay, because a wrong delay displaces measurements by more than such targets are apart. A delay is found when no
+other distinguishable delay is nearly as likely, the prior included.
 
 Immutable: each step returns the next state.
 """
@@ -27,50 +28,55 @@ from fwav_companion.self_calibration.reassociation import Trial, near_places
 
 LEAST = 40
 MOST = 240
-"""Frames: four beats at 30 frames/s before any decision, and the end of the search."""
+"""Frames before any decision (four wing beats at 30 frames/s), and frames at which the search ends."""
 LEAST_SIGHTS = 16
-"""Sights on photographs before a decision: 32 numbers for the 11 shared parameters, which have priors, and for two of
-each target. Each photograph has its own samples of telemetry; frames at 30/s share three of them."""
+"""Measurements on photographs before a decision: 32 numbers for the 11 shared parameters, which have priors, and for
+two of each target. Each photograph has its own samples of telemetry; frames at 30/s share three of them."""
 FLAT = 10.0
-"""Log-likelihood between the best and the worst of a bank; below it nothing shakes, and any delay fits."""
+"""Log-likelihood ratio of the best hypothesis of a bank to the worst, below which nothing shakes and any delay fits."""
 EARLY_MARGIN = 10.0
-"""Log-likelihood with the prior, over the next delay, to decide before MOST: 20 000 to one, because every frame tests
-it again."""
+"""Log-likelihood ratio to the next delay, with the prior, that decides before MOST frames: 20 000 to one, because every
+frame tests it again."""
 MARGIN = 4.5
-"""The same at the end: what the prior alone says of a delay three sigma away."""
+"""Log-likelihood ratio to the next delay that decides at MOST frames: that of the prior alone, three sigma away."""
 CHANCE_SIGMAS = 3.0
-"""Of two delays at which the vehicle moves alike one fits better by chance: such a difference says nothing."""
+"""Sigmas of a difference of two scores that are disregarded: of two delays at which the vehicle moves alike, one fits
+better by chance."""
 SHARP_S = 0.0013
-"""One sigma of a delay. Flapping of 5 degrees at 5 Hz shows 0.4 ms after LEAST frames and 0.2 ms after MOST; the noise
-of reported attitudes (0.1 deg at 50 Hz), which looks like shaking, 2 ms."""
+"""One sigma of a delay, s, below which shaking shows it. Flapping of 5 degrees at 5 Hz gives 0.4 ms after LEAST frames
+and 0.2 ms after MOST; the noise of reported attitudes (0.1 deg at 50 Hz), which looks like shaking, gives 2 ms."""
 WIDE_S = 3.0 * DELAY_STEP_S
-"""Where so little shakes, ends nearer than this are one wide peak: slow motion does not repeat itself."""
+"""Distance of delays, s, below which they belong to one wide peak where little shakes: slow motion does not repeat
+itself."""
 APART_S = 0.5 * DELAY_STEP_S
 APART_SIGMAS = 3.0
-"""Two ends nearer than this, or than this number of their sigmas together, are one."""
+"""Distance below which the delays of two hypotheses count as one: in seconds, and in the sum of their sigmas."""
 VALLEY = 1.0
-"""Log-likelihood of a rise beyond the noise of a linearization."""
+"""Rise of the log-likelihood that exceeds the noise of a linearization."""
 MOST_TRIALS = 12
 HOPELESS = 100.0
-"""Log-likelihood behind the best after the first round: linearization costs less than half of it by then."""
+"""Log-likelihood ratio to the best after the first round, beyond which a delay is dropped: linearization errors cost
+less than half of it by then."""
 ROUNDS = 2
-"""Over everything kept: the first ends within 3 ms, half a degree of a beat at 15 Hz, the second within the noise."""
+"""Rounds of trials over all kept measurements. The first ends within 3 ms of the delay, half a degree of a beat at 15
+Hz, the second within the noise."""
 
 
 class FoundDelay(msgspec.Struct, frozen=True):
-    """A delay, with the other parameters that fit it: the linearization point."""
+    """Result of a successful search: the delay with the other parameters that fit it, as a linearization point."""
 
     point: Array
+    """(11 or more), shared parameters first."""
     places: dict[int, Array] = {}
     """Apparent places (2) of the targets, by track."""
 
 
 class NoDelay(msgspec.Struct, frozen=True):
-    """No delay, and the reason: AMBIGUOUS, UNEXPLAINED, or WAITING, where too little shakes."""
+    """Result of a search without a delay, and the reason: AMBIGUOUS, UNEXPLAINED, or WAITING if too little shakes."""
 
     status: CalibrationStatus
     alternatives: tuple[float, ...] = ()
-    """Delays that explain the measurements alike (AMBIGUOUS), the most likely first."""
+    """Delays that explain the measurements alike (AMBIGUOUS), the most likely first, s."""
 
 
 Result: TypeAlias = FoundDelay | NoDelay
@@ -78,33 +84,33 @@ UNEXPLAINED = NoDelay(CalibrationStatus.UNEXPLAINED)
 
 
 class DelaySearch(msgspec.Struct, frozen=True):
-    """A search in progress."""
+    """A delay search in progress."""
 
     context: CalibrationContext
     hypotheses: FilterPass
-    """The bank in round 0, then trials."""
+    """The bank in round 0, trials in later rounds."""
     round: int = 0
     cursor: int = 0
-    """Kept batches that the trials have taken in this round."""
+    """Number of kept batches that the trials of this round have used."""
     photographs: bool = False
     """Whether the frames of the bank were photographs."""
     trials: tuple[Trial, ...] = ()
-    """Last round, where targets are near to one another: with and without an association of its own."""
+    """Trials of the last round where targets are near to one another, with and without an association of their own."""
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Sights of the bank so far, and the number that the search needs on this flight."""
+        """Frames that the bank has used, and the number needed to begin; on photographs, measurements instead."""
         bank = self._passes[0]
         return (bank.sights, LEAST_SIGHTS) if bank.photographs else (bank.frames, LEAST)
 
     @property
     def begun(self) -> bool:
-        """Whether the bank has seen enough."""
+        """Whether the bank has used enough frames to begin the trials."""
         sights, needed = self.progress
         return self.round > 0 or sights >= needed
 
     def fed(self, batch: MeasurementBatch) -> DelaySearch:
-        """The search after one more batch; trials take theirs from the kept ones."""
+        """The search after one more batch. Only the bank uses it; trials use the kept batches (``advanced``)."""
         if self.round:
             return self
         return msgspec.structs.replace(self, hypotheses=self.hypotheses.fed(batch))
@@ -112,7 +118,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
     def advanced(
         self, kept: Sequence[MeasurementBatch], steps: int, kinds: Mapping[int, str] | None = None
     ) -> DelaySearch:
-        """The search after its step of this frame, of ``steps`` kept batches. ``kinds``: label of each track."""
+        """The search after one step of the trials, over the next ``steps`` kept batches. ``kinds``: label by track."""
         if not self.round:
             return self._next_round(0.0, inf) if self.begun and not self._flat else self
         hypotheses, trials = self.hypotheses, self.trials
@@ -128,11 +134,11 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return search._next_round(APART_SIGMAS, HOPELESS)._apart(float(kept[-1].drop_m.max()), kinds or {})
 
     def complete(self, kept: Sequence[MeasurementBatch]) -> bool:
-        """Whether the trials have taken everything kept, in every round."""
+        """Whether the trials of the last round have used all kept batches."""
         return self.round == ROUNDS and self.cursor >= len(kept)
 
     def result(self, kept: Sequence[MeasurementBatch]) -> Result | None:
-        """The result; None while the search goes on."""
+        """Result of the search; None while it goes on."""
         over = self._passes[0].frames >= MOST
         if not self.round:
             flat = bool(self._fits.any()) and self._flat
@@ -158,7 +164,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return NoDelay(CalibrationStatus.WAITING) if fits else UNEXPLAINED
 
     def without(self, tracks: Collection[int], kept: Sequence[MeasurementBatch]) -> DelaySearch:
-        """The search without some targets; ``kept`` still has theirs."""
+        """The search without some targets. ``kept``: the kept batches, still with those targets."""
         hypotheses = self.hypotheses
         for track in sorted(tracks):
             hypotheses = hypotheses.without(track)
@@ -194,9 +200,10 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
     def _apart(self, height_m: float, kinds: Mapping[int, str]) -> DelaySearch:
-        """The search with trials for each hypothesis, where targets are near to one another about one of them.
+        """The search with another trial of each hypothesis under which targets are near to one another.
 
-        One associates again, one leaves what the tracker associated: places of a first fit may be mixed ones.
+        It associates the measurements again. The first trial keeps the tracker's association, because the places of a
+        first fit may mix two targets.
         """
         hints = self.hypotheses.hints
         near = [
@@ -215,7 +222,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return np.asarray(-0.5 * off * off)
 
     def _next_round(self, apart_sigmas: float, behind: float) -> DelaySearch:
-        """The next round, about the ends that are not hopelessly behind the best."""
+        """The search in its next round: trials about each distinct delay that is not hopelessly behind the best."""
         ends, likelihood = self._distinct(apart_sigmas)[:MOST_TRIALS], self._score + self._log_priors
         tried = [i for i in ends if i == ends[0] or likelihood[i] > likelihood[ends[0]] - behind]
         trials = self.context.trials(self.hypotheses.joint.take(tried))
@@ -223,7 +230,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return DelaySearch(self.context, trials, self.round + 1, photographs=photographs)
 
     def _distinct(self, apart_sigmas: float) -> list[int]:
-        """The distinct ends, the most likely first."""
+        """Indices of the hypotheses that ended at distinct delays, the most likely first."""
         delays, sigmas, kept = self._delays, self._sigmas, list[int]()
         for i in np.argsort(-(self._score + self._log_priors), kind="stable").tolist():
             near = (max(APART_S, apart_sigmas * (sigmas[i] + sigmas[j])) for j in kept)
@@ -232,14 +239,14 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return kept
 
     def _valley(self, best: int, i: int, ends: Sequence[int]) -> bool:
-        """Whether the likelihood falls and rises again from one end to another: two delays, not one wide peak."""
+        """Whether the likelihood falls and rises again between two delays, so that they are not one wide peak."""
         delays, likelihood = self._delays, self._score + self._log_priors
         low, high = sorted((float(delays[best]), float(delays[i])))
         between = [float(likelihood[k]) for k in ends if low < delays[k] < high]
         return bool(between) and min(between) < float(likelihood[i]) - VALLEY
 
     def _lead(self, i: int, j: int) -> float:
-        """Log-likelihood ratio of one end over another: the measurements, beyond chance, and the prior."""
+        """Log-likelihood ratio of one hypothesis to another: of the measurements, beyond chance, and of the prior."""
         score, log_prior = self._score, self._log_priors
         variance = np.concatenate([each.score_variance for each in self._passes])
         seen = float(score[i] - score[j])
@@ -248,5 +255,5 @@ class DelaySearch(msgspec.Struct, frozen=True):
 
 
 def delay_search(context: CalibrationContext) -> DelaySearch:
-    """The search before the first frame."""
+    """A delay search before the first frame."""
     return DelaySearch(context, context.bank())

@@ -1,4 +1,4 @@
-"""Covariances of a joint estimate under other assumptions: parameters that are known, measurements that drift."""
+"""Covariances of a joint estimate under other assumptions: known parameters, or noisier measurements."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 
 MOUNT_AXES = (SharedParameter.MOUNT_X, SharedParameter.MOUNT_Y, SharedParameter.MOUNT_Z)
 NUISANCE = (SharedParameter.HEADING, SharedParameter.POSITION_DELAY, *list(SharedParameter)[SharedParameter.LEVER_X :])
-"""Parameters that a flight hardly separates from the mount, and that no report states: estimated with the mount by
-their priors, so that the claims of the mount hold them."""
+"""Parameters that a flight hardly separates from the mount, and that no report states. They are estimated with the
+mount by their priors, so that the covariance of the mount includes them."""
 TIMING = (SharedParameter.DELAY, SharedParameter.READOUT)
-"""A delay of the later rows is a delay, too. Fast shaking shows both: slow drift says nothing of them."""
+"""Parameters of time: the readout is a delay of the later rows. Fast shaking shows both, slow drift neither."""
 
 
 CAUSES = {
@@ -28,11 +28,11 @@ CAUSES = {
     "position_delay": (SharedParameter.POSITION_DELAY,),
     "lever_arm": (SharedParameter.LEVER_X, SharedParameter.LEVER_Y, SharedParameter.LEVER_Z),
 }
-"""Parameters by cause of error."""
+"""Shared parameters of each cause of error."""
 
 
 def bias_shares(joint: JointFilter, track: int) -> dict[str, float]:
-    """Horizontal variance of a target by cause that it would lose if that were exactly known, m^2.
+    """Horizontal variance of a target by cause of error, m^2: the reduction if that cause were exactly known.
 
     The three angles of the mount count together, as do the position's states and the lever arm. With the covariance P,
     target t and group g: trace(P[t, g] inv(P[g, g]) P[g, t]).
@@ -49,7 +49,7 @@ def bias_shares(joint: JointFilter, track: int) -> dict[str, float]:
 
 
 def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple[Array, Array]:
-    """Mean and covariance where these states have these values; states that are certain anyway are left out.
+    """Mean and covariance conditioned on known values of some states; states without variance are left out.
 
     With c = P[:, k] inv(P[k, k])::
 
@@ -66,20 +66,23 @@ def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple
 
 
 def root_given(cov: Array, known: Sequence[int], wanted: Sequence[int]) -> Array:
-    """Cholesky factor of the covariance of the wanted states where others are known: the last block of both's."""
+    """Cholesky factor of the covariance of the ``wanted`` states conditioned on the ``known`` ones.
+
+    It is the last block of the factor of both together.
+    """
     used = [i for i in known if cov[i, i] > 0.0]
     return lower_root(block(cov, [*used, *wanted]))[len(used) :, len(used) :]
 
 
 def block(cov: Array, index: Sequence[int]) -> Array:
-    """Rows and columns of some states."""
+    """Block of a covariance: rows and columns of some states."""
     i = [int(each) for each in index]
     return np.asarray(cov[i][:, i])
 
 
 def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
-    """The covariance where every measurement has ``factor`` times its variance; priors and the vehicle's position error
-    are as they were.
+    """Covariance of a joint estimate if every measurement had ``factor`` times its variance, with the same priors and
+    the same error of the vehicle's position.
 
     (prior^-1 + information / k)^-1 is k times the covariance after another measurement of each prior with the variance
     prior / (k - 1).
@@ -98,7 +101,7 @@ def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
 
 
 def lower_root(matrix: Array) -> Array:
-    """Cholesky factor of a covariance whose scales differ, with a pivot that rounding lost kept at 1e-12 of itself."""
+    """Cholesky factor of a covariance whose scales differ. Scaled eigenvalues that rounding lost become 1e-12."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     try:
         return np.asarray(scale[:, None] * np.linalg.cholesky(matrix / scale / scale[:, None]))
@@ -109,5 +112,5 @@ def lower_root(matrix: Array) -> Array:
 
 
 def whitened(matrix: Array, right: Array) -> Array:
-    """inv(L) @ right, with the Cholesky factor L of a covariance."""
+    """inv(L) @ right, with the Cholesky factor L of the covariance ``matrix``."""
     return np.asarray(np.linalg.solve(lower_root(matrix), right))

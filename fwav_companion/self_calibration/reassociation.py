@@ -1,8 +1,8 @@
 """Association of kept measurements with targets once the delay is known.
 
-Before, a camera that is late by 35 ms displaces what it sees by more than a metre, and targets 3 m apart exchange their
-fixes. About an estimate with the delay the places of the targets decide: a measurement belongs to the nearest of them
-in view.
+Before that, a camera that is late by 35 ms displaces its measurements by more than a metre, and targets 3 m apart
+exchange their fixes. With an estimate of the delay, the places of the targets decide: a measurement belongs to the
+target whose predicted pixel is nearest.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, distances
 
 NEARER = 0.5
-"""Distance from another target over that from the own, below which a measurement changes. Errors that all targets share
-move them by less than half of their distance, or they cannot be separated."""
+"""Ratio of a measurement's distance from another target to its distance from its own, below which it changes to the
+other. Errors that all targets share move them by less than half of their separation, or they cannot be separated."""
 
 NEAR = 0.3
-"""Distance of two targets over the camera's height from which measurements are not exchanged: a wing of 5 degrees late
-by a quarter of its beat displaces by 0.1 of it, a wrong mount moves both."""
+"""Distance of two targets over the camera's height, from which their measurements are not exchanged: flapping of 5
+degrees, late by a quarter of a beat, displaces measurements by 0.1 of the height, and a wrong mount moves both."""
 
 
 class Trial(msgspec.Struct, frozen=True):
-    """One hypothesis of a delay, with an association of its own."""
+    """One hypothesis of the delay, with its own association of measurements with targets."""
 
     estimate: FilterPass
     places: dict[int, Array]
-    """Apparent place (2) about it of each target that another one is near to."""
+    """Apparent place (2) under this hypothesis of each target that has another one near to it, by track."""
 
     def fed(self, batch: MeasurementBatch, kinds: Mapping[int, str]) -> Trial:
         """The trial after one more batch. ``kinds``: label of each target.
 
-        A measurement that finds no target is charged as the worst, so that a trial gains nothing by it.
+        A measurement that loses its target is charged as the worst, so that a trial gains nothing by it.
         """
         point = self.estimate.joint.linearization_point[0, :SHARED_COUNT]
         associated = reassociated(batch, point, self.places, kinds)
@@ -56,7 +56,7 @@ class Trial(msgspec.Struct, frozen=True):
 
 
 def near_places(places: Mapping[int, Array], kinds: Mapping[int, str], height_m: float) -> dict[int, Array]:
-    """The places of targets that another one of the same kind is near to."""
+    """The places of the targets that have another target of the same kind near to them, by track."""
     near: set[int] = set()
     for one, other in combinations(sorted(places), 2):
         if kinds.get(one) == kinds.get(other) and np.hypot(*(places[one] - places[other])) < NEAR * height_m:
@@ -67,7 +67,8 @@ def near_places(places: Mapping[int, Array], kinds: Mapping[int, str], height_m:
 def reassociated(
     batch: MeasurementBatch, point: Array, places: Mapping[int, Array], kinds: Mapping[int, str]
 ) -> MeasurementBatch:
-    """The batch with each measurement on the target whose place it shows; two on one target leave the nearer one.
+    """The batch with each measurement associated with the clearly nearest target. Of two that one target has in a
+    frame, the nearer one is kept.
 
     ``point``: shared parameters (11). ``places``: apparent place (2) of each target. ``kinds``: label of each target.
     """
@@ -88,7 +89,7 @@ def reassociated(
 
 
 def _chosen(own: Sequence[int], tracks: list[int], apart: Array, kinds: Mapping[int, str]) -> list[int]:
-    """The target of each measurement, which the tracker gave to ``own``; ``apart`` (T, N): distance of each, px."""
+    """The track of each measurement; ``own``: its track by the tracker; ``apart`` (T, N): pixels from each target."""
     known, n = np.array([tracks.index(track) if track in tracks else -1 for track in own]), np.arange(len(own))
     if len(set(map(kinds.get, tracks))) > 1:
         labels = np.array([kinds.get(track, "") for track in (*tracks, *own)])
@@ -99,6 +100,6 @@ def _chosen(own: Sequence[int], tracks: list[int], apart: Array, kinds: Mapping[
 
 
 def _with_tracks(batch: MeasurementBatch, tracks: list[int]) -> MeasurementBatch:
-    """The measurements with other tracks, in the order of frames and tracks."""
+    """The batch with these tracks, sorted by frame and track."""
     order = sorted(range(len(tracks)), key=lambda n: (int(batch.frame[n]), tracks[n]))
     return msgspec.structs.replace(batch.take(order), tracks=tuple(tracks[n] for n in order))

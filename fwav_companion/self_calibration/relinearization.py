@@ -1,8 +1,8 @@
-"""Passes over the kept measurements: the estimate that is served, and the one that is to follow it.
+"""Passes over the kept measurements: the pass whose estimate is served, and the one that will replace it.
 
-A measurement is linear only about a point, and the first point is a poor one. So measurements are kept, and passes over
-them are repeated, each about the end of the last one (iterated, relinearized estimation: Bell & Cathey 1993). Meanwhile
-the last one is served, and takes the new measurements.
+A measurement is linear only near the linearization point, and the first point is a poor one. So measurements are kept,
+and passes over them are repeated, each about the estimate of the pass before (iterated, relinearized estimation: Bell &
+Cathey 1993). Meanwhile the last complete pass is served and updated with the new measurements.
 """
 
 from __future__ import annotations
@@ -22,52 +22,55 @@ from fwav_companion.self_calibration.position_smoother import moved, smoothed_ba
 from fwav_companion.self_calibration.reassociation import near_places, reassociated
 
 MOST_KEPT = 1200
-"""Frames: 40 s at 30 frames/s, 1 megabyte of one target and 5 of ten. They settle the linearization."""
+"""Most frames that are kept: 40 s at 30 frames/s, 1 megabyte for one target and 5 for ten. They settle the
+linearization."""
 GROWTH, SETTLED_GROWTH = 1.6, 2.0
-"""Measurements of each target over those of the last pass, at which another begins, while the mount is not known and
-once it is. Linearized 40 sights ago, a figure-eight that is seen for a few seconds at a time showed innovations that
-drift by a factor of 3.6, and no mount; linearized at its end it showed 1.7, and the mount."""
+"""Kept measurements per target, relative to those of the last pass, at which another pass begins: while the mount is
+not known, and once it is. With a linearization point 40 measurements old, a figure-eight whose targets are seen for a
+few seconds at a time showed innovations that drift by a factor of 3.6, and no mount; linearized at its end, it showed
+1.7, and the mount."""
 ENOUGH = 400
-"""Measurements of each target in a pass after which no other begins once the mount is known."""
+"""Measurements per target in a pass, after which no further pass begins once the mount is known."""
 STEP = 2
-"""Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
+"""Batches that a pass, or a trial of the delay search, uses per frame, so that it catches up with the new batches."""
 STEPS_PER_S = 60.0
-"""The same between two photographs, for which there is as much time as for frames at 30/s."""
+"""Batches per second that a pass, or a trial, uses between two photographs: as many as with frames at 30/s."""
 
 
 def steps_within(elapsed_ns: int) -> int:
-    """Number of kept batches to be taken in a frame, by the time since the one before it."""
+    """Number of kept batches to be used in a frame, by the time since the previous frame."""
     return STEP if elapsed_ns < PHOTOGRAPH_NS else min(MOST_KEPT, int(STEPS_PER_S * elapsed_ns / NS_PER_S))
 
 
 class Relinearization(msgspec.Struct, frozen=True):
-    """The kept frames and the passes over them. Immutable."""
+    """The kept measurements and the passes over them. Immutable."""
 
     kept: tuple[MeasurementBatch, ...] = ()
     complete: bool = True
     """Whether every measurement of the live targets is kept."""
     delay_s: float | None = None
-    """Delay of the poses of new measurements, once it was found."""
+    """Delay at which the poses of new measurements are taken, s; None until it was found."""
     served: FilterPass | None = None
+    """Last complete pass, whose estimate is used."""
     coming: FilterPass | None = None
     """Pass in progress, to be served next."""
     cursor: int = 0
-    """Kept batches that it has taken."""
+    """Number of kept batches that the pass in progress has used."""
     passed: float = 0.0
-    """Measurements of each target when the last pass began."""
+    """Kept measurements per target when the last pass began."""
     tracks: frozenset[int] = frozenset()
     """All tracks in this state."""
     kinds: dict[int, str] = {}
     """Label of each track."""
     point: Array | None = None
-    """Linearization point of the pass in progress."""
+    """Shared parameters (11) about which the last pass began."""
     places: dict[int, Array] = {}
-    """Apparent places (2) about it of targets near to one another."""
+    """Apparent places (2) at the begin of the last pass of the targets near to one another, by track."""
     shifts: tuple[Array, ...] = ()
-    """Changes (S, 3) of the paths of kept batches by later ones, at the begin of the last pass."""
+    """Changes (S, 3) of each kept batch's path by smoothing with later ones, at the begin of the last pass, m."""
 
     def with_batch(self, batch: MeasurementBatch, kinds: Mapping[int, str] | None = None) -> Relinearization:
-        """The state after one more batch; when there are too many to keep, the last pass stays. ``kinds``: labels."""
+        """The passes after one more batch; with too many to keep, no further pass begins. ``kinds``: label by track."""
         few = sum(each.frames for each in self.kept) < MOST_KEPT
         keeping = self.complete and (few or self.coming is not None)
         return msgspec.structs.replace(
@@ -80,7 +83,7 @@ class Relinearization(msgspec.Struct, frozen=True):
         )
 
     def only(self, alive: Collection[int]) -> Relinearization:
-        """The state without the tracks that ended: most were no targets."""
+        """The passes without the tracks that ended, most of which were clutter."""
         gone = self.tracks.difference(alive)
         served, coming = self.served, self.coming
         for track in sorted(gone):
@@ -104,7 +107,7 @@ class Relinearization(msgspec.Struct, frozen=True):
     def begun(
         self, context: CalibrationContext, point: Array, places: Mapping[int, Array] | None = None
     ) -> Relinearization:
-        """The state after the delay was found: kept poses shrink to it, and the first pass begins.
+        """The passes after the delay was found: kept batches reduce to the poses at it, and the first pass begins.
 
         ``places``: apparent places (2) of the targets, by which measurements are associated again.
         """
@@ -116,7 +119,7 @@ class Relinearization(msgspec.Struct, frozen=True):
     def _beginning(
         self, coming: FilterPass, point: Array, places: Mapping[int, Array], tracks: Collection[int]
     ) -> Relinearization:
-        """The state at the begin of a pass about a point, by the measurements of these targets."""
+        """The passes with a new pass begun about a point. ``tracks``: the targets whose measurements it will use."""
         return msgspec.structs.replace(
             self,
             shifts=tuple(smoothed_back(self.kept)),
@@ -129,9 +132,10 @@ class Relinearization(msgspec.Struct, frozen=True):
         )
 
     def advanced(self, context: CalibrationContext, steps: int = STEP, *, settled: bool = True) -> Relinearization:
-        """The state after the next steps of the pass, which is served when it has taken all.
+        """The passes after the next ``steps`` batches of the pass in progress, which is served once it has used all.
 
-        ``settled``: whether the mount is known, so that passes may be rare.
+        Without a pass in progress, a new one may begin. ``settled``: whether the mount is known, so that passes are
+        rare.
         """
         coming, cursor = self.coming, self.cursor
         if coming is None:
@@ -148,7 +152,7 @@ class Relinearization(msgspec.Struct, frozen=True):
         return batch if self.point is None else reassociated(batch, self.point, self.places, self.kinds)
 
     def _measured_of(self, tracks: Collection[int]) -> float:
-        """Kept measurements over the number of these targets."""
+        """Kept measurements per target, of these targets."""
         return sum(len(batch.tracks) for batch in self.kept) / max(1, len(tracks))
 
     def _begun_again(self, context: CalibrationContext, *, settled: bool) -> Relinearization:
