@@ -1,7 +1,7 @@
-"""The targets as self-calibration publishes them: by the configuration while the flight does not contradict that.
+"""The places of targets that self-calibration publishes.
 
-It is right then, and correcting it by its own noise would only spread the targets: places are those with all parameters
-at their priors, except for the delay.
+While the flight does not contradict the configuration, they are the places with all parameters at their priors, except
+for the parameters of time: a correction of a right configuration would be noise, and would only spread the targets.
 """
 
 from __future__ import annotations
@@ -23,37 +23,39 @@ from fwav_companion.self_calibration.posterior import MOUNT_AXES, TIMING, block,
 from fwav_companion.types import VehicleState
 
 CONTRADICTION = 13.3
-"""Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
-(4 degrees of freedom)."""
+"""Gate on the squared Mahalanobis distance of mount and height from the configuration, 4 degrees of freedom: a right
+configuration exceeds it once in 100 flights."""
 
 
 class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
-    """A target by the joint estimate, horizontal."""
+    """Horizontal place of a target by the joint estimate."""
 
     north: float
     east: float
     cov: Symmetric2
     apparent_north: float
-    """Place plus the present error of the vehicle's position: relative to the vehicle's report."""
+    """Place plus the present error of the vehicle's position, m: the place relative to the vehicle's report."""
     apparent_east: float
     relative_cov: Symmetric2
+    """Covariance of the apparent place, m^2."""
     late_s: float = 0.0
-    """Delay of the vehicle's reported position beyond the configured one."""
+    """Delay of the vehicle's reported position beyond the configured one, s."""
     late_cov: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Covariance of the apparent place with that delay, north and east, m s, and variance of the delay, s^2."""
+    """Covariance of the apparent place with ``late_s``, north and east, m s, and variance of ``late_s``, s^2."""
 
     def relative_to(self, velocity_ned: Vector3) -> tuple[float, float, Symmetric2]:
-        """Place and its covariance in the frame of the vehicle's report, for a vehicle with this velocity.
+        """Place and its covariance relative to the vehicle's report, for a vehicle with this velocity.
 
-        Sights show the target relative to the vehicle. The report is late, the apparent place errs by the same way.
+        Measurements show the target relative to the vehicle. The report is late, so the place relative to it is
+        displaced by the same distance.
         """
         (vn, ve, _), (nt, et, tt), (nn, ne, ee) = velocity_ned, self.late_cov, self.relative_cov
         cov = (nn - vn * (2.0 * nt - vn * tt), ne - vn * et - ve * nt + vn * ve * tt, ee - ve * (2.0 * et - ve * tt))
         return self.apparent_north - vn * self.late_s, self.apparent_east - ve * self.late_s, cov
 
     def along_path(self, vehicle: VehicleState, smoothed: SmoothedReport | None) -> CalibratedFix | None:
-        """Place in the frame of one report of the vehicle: without its noise, which the smoothed path shows, and with
-        its delay. None where the path does not show it.
+        """Place relative to one report of the vehicle, displaced by the noise that the smoothed path shows and by the
+        delay of that report. None without a smoothed path or a velocity.
         """
         if smoothed is None or vehicle.velocity_ned is None:
             return None
@@ -65,7 +67,7 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
 def calibrated_places(
     joint: JointFilter, posterior: tuple[Array, Array], priors: tuple[Array, Array]
 ) -> dict[int, CalibratedPlace]:
-    """The targets by the published mean, with its distance from the posterior's in every claim, by track."""
+    """The places by the published mean, by track. Its difference from the posterior mean is in every covariance."""
     (mean, cov), published = posterior, _published(joint, posterior, *priors)
     k, north = np.arange(len(joint.tracks)), joint.first + 2 * np.arange(len(joint.tracks))
     by = np.zeros((len(k), 5, len(mean)))
@@ -79,11 +81,12 @@ def calibrated_places(
 
 
 def _published(joint: JointFilter, posterior: tuple[Array, Array], means: Array, sigmas: Array) -> Array:
-    """The mean (n) of which places are published: while the configuration is not contradicted, with all parameters but
-    those of time as configured.
+    """The mean (n) from which places are published: the posterior mean if the configuration is contradicted, otherwise
+    conditioned on all parameters but those of time being as configured.
 
-    On circles over three targets with nothing wrong places are 0.021 m off so (median; worst 0.052), by the posterior's
-    mean 0.035 (0.118); where errors are drawn from their priors, both are the same to a millimetre.
+    On circles over three targets without configuration errors, the published places are 0.021 m off (median; worst
+    0.052), those of the posterior mean 0.035 (0.118). Where errors are drawn from their priors, both agree to a
+    millimetre.
     """
     mean, cov = posterior
     if _distance2(mean, cov, means, sigmas) > CONTRADICTION:
@@ -93,7 +96,7 @@ def _published(joint: JointFilter, posterior: tuple[Array, Array], means: Array,
 
 
 def _place(place: Sequence[float], cov: Sequence[Sequence[float]]) -> CalibratedPlace:
-    """A place with its apparent place and the position delay (5)."""
+    """A calibrated place from the mean and covariance of (place, apparent place, position delay), 5 elements."""
     north, east, apparent_north, apparent_east, late_s = place
     (nn, ne, *_), (_, ee, *_), (_, _, rel_nn, rel_ne, nt), (_, _, _, rel_ee, et), (*_, tt) = cov
     relative_cov = (rel_nn, rel_ne, rel_ee)
@@ -101,7 +104,7 @@ def _place(place: Sequence[float], cov: Sequence[Sequence[float]]) -> Calibrated
 
 
 def _distance2(mean: Array, cov: Array, means: Array, sigmas: Array) -> float:
-    """Squared distance of mount and height from the configuration, with the heading as right."""
+    """Squared Mahalanobis distance of mount and height from the configuration, given that the heading is right."""
     known = [HEADING] if cov[HEADING, HEADING] > 0.0 else []
     index = [*known, *(int(i) for i in (*MOUNT_AXES, SharedParameter.HEIGHT) if sigmas[i] > 0.0)]
     white = whitened(block(cov, index), mean[index] - means[index])[len(known) :]

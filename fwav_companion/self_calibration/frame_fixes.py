@@ -1,4 +1,4 @@
-"""The fixes of one frame, and what is computed for all of them at once while they are asked for one by one."""
+"""The fixes of one frame, with results that are computed for all of them at once and requested one by one."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from fwav_companion.types.tracks import GateResult
 
 
 class FrameFixes:
-    """The fixes of one frame. Each result is kept with the estimate that it rests on."""
+    """The fixes of one frame, with a cache of results. Each result is cached with the estimate it was computed from."""
 
     def __init__(self, fixes: Sequence[GroundFix], state_at: StateAt | None) -> None:
-        self._fixes = tuple(fixes)  # held, so that no other object has their identity
+        self._fixes = tuple(fixes)  # keeps them alive, so that no other object gets their id()
         self._index = {id(fix): index for index, fix in enumerate(fixes)}
         self._state_at = state_at
         self._gate: tuple[FilterPass, GroundGate] | None = None
@@ -30,7 +30,10 @@ class FrameFixes:
         return id(fix) in self._index
 
     def gate(self, fix: GroundFix, place: int, present: FilterPass) -> GateResult | None:
-        """Gating statistics of a fix against the target at this place of the joint estimate; None: not known."""
+        """Gating statistics of a fix against a target of the joint estimate; ``place``: index of the target.
+
+        None where the vehicle's state at the capture is not known.
+        """
         if self._state_at is None:
             return None
         if self._gate is None or self._gate[0] is not present:
@@ -40,10 +43,10 @@ class FrameFixes:
     def alone(
         self, fix: GroundFix, known: KnownParameters, smoothed: SmoothedReport | None, below_m2: float
     ) -> CalibratedFix | None:
-        """A fix by the parameters, at the height of the smoothed path.
+        """Place of a fix corrected by the shared parameters, at the height of the smoothed path.
 
-        None where the trace of its covariance is not below ``below_m2``, where the vehicle at its capture is not known,
-        as it is not yet for a capture after the newest attitude, or where its ray does not meet the ground.
+        None where the trace of its covariance is not below ``below_m2``, where the vehicle's state at its capture is
+        not known, as after the newest attitude, or where its ray does not meet the ground.
         """
         if self._claims is None or self._claims[0] is not known:
             self._claims = (known, known.claims(self._fixes))
@@ -57,13 +60,14 @@ class FrameFixes:
         return CalibratedFix(*without_height_noise(fix, place, smoothed), (r_nn + nn, r_ne + ne, r_ee + ee))
 
     def _place(self, fix: GroundFix, known: KnownParameters) -> tuple[float, float] | None:
-        """North and east of a fix in the frame of the vehicle's report: by the exact attitude at its capture, where
-        a history is available; None where that does not show it.
+        """North and east of a corrected fix relative to the vehicle's report: by the exact attitude at its capture if a
+        history is available, otherwise to first order. None where the history has no state at the capture, or where the
+        ray does not meet the ground.
         """
         if self._state_at is None:
             return known.linear(fix)
         if self._points is None or self._points[0] is not known:
-            mean = (known.mean * SIGNS).tolist()  # biases of a fix, as the shared parameters that they are
+            mean = (known.mean * SIGNS).tolist()  # from biases of a fix back to shared parameters
             self._points = (known, GroundPoints(mean, fix.sighting, self._state_at, FIX_KNOT_NS))
         place = self._points[1].in_report_of(fix)
         return place if isfinite(place[0]) else None

@@ -1,7 +1,8 @@
 """The gate of the joint estimate: all fixes of a frame against all targets, by their points on the ground.
 
-Points are by the exact attitude at the capture, sensitivities those of the fixes at their nominal captures. Compared in
-pixels, which takes three times as long, normalised innovations are the same to a fifth over figure-eights of a wing.
+The points use the exact attitude at the capture; the sensitivities are those of the fixes at their nominal captures.
+Gating in pixels takes three times as long; over figure-eights of a wing, its normalised innovations agree with these to
+a fifth.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from fwav_companion.types.tracks import GateResult
 
 
 class GroundGate:
-    """The fixes of one frame on the ground, by the mean of a joint estimate with one hypothesis."""
+    """Gating statistics of all fixes of one frame against all targets of a joint estimate with one hypothesis."""
 
     def __init__(self, joint: JointFilter, fixes: Sequence[GroundFix], state_at: StateAt) -> None:
         points = GroundPoints(joint.mean[0, :SHARED_COUNT].tolist(), fixes[0].sighting, state_at, GATE_KNOT_NS)
         off = np.array([points.of(fix) for fix in fixes]) - joint.apparent[0].reshape(-1, 1, 2)
         noise = np.array([fix.noise_cov for fix in fixes])[:, :2, :2]
         spread = _spread(noise, _rows(fixes), joint.apparent_cov)
-        nowhere = np.isinf(off).any(-1)  # infinite terms of both signs would make NaN of it: not known
+        nowhere = np.isinf(off).any(-1)  # infinite terms of both signs would sum to NaN, which means not known
         off[nowhere] = 0.0
         nis, determinant = two_by_two(off, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
         alone = noise[:, 0, 0] * noise[:, 1, 1] - noise[:, 0, 1] * noise[:, 0, 1]
@@ -38,20 +39,20 @@ class GroundGate:
         self._log_det: list[list[float]] = np.log(np.maximum(determinant, LEAST_DETERMINANT) / alone).tolist()
 
     def gate(self, place: int, index: int) -> GateResult | None:
-        """Gating statistics of a fix against the target at this place of the estimate; None where the vehicle's state
-        at its capture is not known.
+        """Gating statistics of the fix with this ``index`` against the target with the index ``place``; None where the
+        vehicle's state at the capture is not known.
         """
         nis = self._nis[place][index]
         return None if isnan(nis) else GateResult(nis, self._log_det[place][index])
 
 
 def _rows(fixes: Sequence[GroundFix]) -> Array:
-    """(N, 2, 11) change of a point by the shared parameters, negative."""
+    """(N, 2, 11) negative sensitivities of ground points to the shared parameters."""
     return np.asarray(np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2) * SIGNS)
 
 
 def _spread(noise: Array, rows: Array, cov: Array) -> Array:
-    """(T, N, 2, 2) covariance of each point less the place of each target. ``cov``: shared parameters and places."""
+    """(T, N, 2, 2) covariance of each point minus each target's place. ``cov``: of shared parameters and places."""
     own = noise + rows @ cov[:SHARED_COUNT, :SHARED_COUNT] @ rows.swapaxes(1, 2)
     both = (rows @ cov[:SHARED_COUNT, SHARED_COUNT:]).reshape(len(rows), 2, -1, 2).transpose(2, 0, 1, 3)
     targets = np.arange(len(both))

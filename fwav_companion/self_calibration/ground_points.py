@@ -1,4 +1,4 @@
-"""Fixes on the ground by values of the shared parameters, with the exact attitude at their delayed captures.
+"""Ground points of fixes for given values of the shared parameters, with the exact attitude at their delayed captures.
 
 A flapping wing goes through a third of a beat within 35 ms: the sensitivities at the nominal capture do not give the
 ray at the true one.
@@ -31,29 +31,30 @@ from fwav_companion.self_calibration.pixel_measurement import LEAST_DOWN, LEVER,
 from fwav_companion.types import GroundFix, Sighting, Unpaired
 
 GATE_KNOT_NS = 8 * NS_PER_MS
-"""Interval at which states within the readout of a frame are requested. Continued by all of it with constant rates, a
-beat of 5 degrees at 5 Hz errs by 0.16 degrees, a third of a pixel's noise."""
+"""Interval at which vehicle states within the readout of a frame are requested for gating. Extrapolated over all of it
+with constant rates, a beat of 5 degrees at 5 Hz errs by 0.16 degrees, a third of a pixel's noise."""
 FIX_KNOT_NS = 2 * NS_PER_MS
-"""The same for a place that is published: a beat of 3 degrees at 14 Hz errs by 0.05 degrees, half of an attitude's
-noise."""
+"""Interval at which vehicle states are requested for a published place: a beat of 3 degrees at 14 Hz errs by 0.05
+degrees, half of an attitude's noise."""
 
 
 class CorrectedCamera(msgspec.Struct, frozen=True, gc=False):
-    """The camera at one instant, by values of the shared parameters."""
+    """Camera pose and motion at one instant, corrected by values of the shared parameters."""
 
     axes: Matrix3
-    """Attitude by the true heading, NED from camera."""
+    """Rotation NED from camera, with the heading corrected."""
     rates: Vector3
-    """rad/s, camera axes."""
+    """Angular velocity, camera axes, rad/s."""
     place: Vector3
-    """By reported positions, with the height corrected, NED, m; so is the next, m/s."""
+    """Camera position by the reported positions, corrected for their delay, the lever arm and the height, NED, m."""
     velocity: Vector3
+    """Velocity of the vehicle, NED, m/s."""
     reported: Vector3
-    """The vehicle's reported position, NED, m."""
+    """Reported position of the vehicle, NED, m."""
 
 
 class GroundPoints:
-    """The fixes of one frame on the ground, by values (11) of the shared parameters."""
+    """Ground points of the fixes of one frame, for given values (11) of the shared parameters."""
 
     __slots__ = (
         "_body_from_camera",
@@ -74,14 +75,14 @@ class GroundPoints:
         self._views: dict[int, CorrectedCamera | None] = {}
 
     def of(self, fix: GroundFix) -> tuple[float, float]:
-        """North and east where a fix's ray meets the ground; inf: nowhere, NaN: not known."""
+        """North and east where a fix's ray meets the ground; inf if nowhere, NaN without a vehicle state."""
         return self._met(fix, in_report=False)
 
     def in_report_of(self, fix: GroundFix) -> tuple[float, float]:
-        """The same in the frame of the vehicle's report at the nominal capture.
+        """North and east as of ``of``, but relative to the vehicle's report at the nominal capture.
 
-        The way from the true capture to the nominal one is by the velocity: the result has the noise of this report
-        alone.
+        The displacement between true and nominal capture is taken from the velocity, so that the result has the noise
+        of this report alone.
         """
         return self._met(fix, in_report=True)
 
@@ -107,7 +108,7 @@ class GroundPoints:
         return north + reach * ray[0], east + reach * ray[1]
 
     def _view(self, boot_ns: BootNs) -> CorrectedCamera | None:
-        """The camera at an instant; None where the vehicle's state is not known."""
+        """The corrected camera at an instant; None where the vehicle's state is not known."""
         state = self._state_at(boot_ns)
         if isinstance(state, Unpaired) or state.position_ned is None:
             return None
@@ -124,7 +125,7 @@ class GroundPoints:
 
 
 def _moved_back(sighting: Sighting, velocity: Vector3, delay_s: float) -> Vector3:
-    """The vehicle's position a delay before the nominal capture, by its report then and both velocities."""
+    """The vehicle's position ``delay_s`` before the nominal capture, by its nominal report and the mean velocity."""
     state = sighting.state
     mean = scale(add(velocity, state.velocity_ned or velocity), 0.5)
     return subtract(state.position_ned or ZERO3, scale(mean, delay_s))
@@ -136,7 +137,7 @@ def _vector(values: Sequence[float]) -> Vector3:
 
 
 def _lever(sighting: Sighting) -> Vector3:
-    """Camera position in its carrier, m."""
+    """Camera position in the axes of its carrier (body or gimbal), m."""
     state = sighting.state
     arm = subtract(sighting.camera_ned, state.position_ned or ZERO3)
     return transform(transpose(matrix_from_quaternion(state.ned_from_carrier)), arm)

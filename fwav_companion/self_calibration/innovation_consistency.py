@@ -1,10 +1,10 @@
-"""The factor by which the innovations of an estimate keep together over seconds, beyond noise.
+"""The factor by which innovations that are correlated over seconds exceed white noise.
 
 A parameter that is estimated as constant may wander: a heading as the compass turns, roll and pitch with every bank.
-Each innovation is then as small as it should be, but they lean one way for seconds, and a covariance that counts them
-as independent measurements shrinks below the true error. Sums over blocks show it (batch means: Law & Kelton): the
-sum of n whitened innovations has the variance n where they are noise, and a mean of them is less certain by the factor
-that it exceeds n by.
+Each innovation is then as small as expected, but they have the same sign for seconds. A covariance that takes them for
+independent measurements shrinks below the true error. Sums over blocks show it (batch means: Law & Kelton): the sum of
+n whitened innovations has the variance n if they are white. If it is larger by a factor, the variance of their mean is
+larger by the same factor.
 """
 
 from __future__ import annotations
@@ -17,37 +17,39 @@ from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.types import Bias, ErrorPriors
 
 SHORTEST_NS = 500 * NS_PER_MS
-"""Longer than a beat of the wings, and than telemetry at 10 Hz: those only shake."""
+"""Length of the shortest blocks: longer than a wing beat and than the interval of telemetry at 10 Hz, which only
+shake."""
 SCALES = 5
-"""Block lengths, each twice the one before: up to 8 s, of which a flight of a minute has a few."""
+"""Number of block lengths, each twice the one before: up to 8 s, of which a flight of a minute has a few."""
 DOUBT = 4.0
-"""Blocks of the expected factor, counted before the first: a few alone say nothing."""
+"""Number of fictitious blocks with the expected factor that are counted before the first: a few blocks alone show
+nothing."""
 EXPECTED = 8.0
-"""Factor before any innovation, where the autopilot's roll and pitch err at all: their errors follow turns, and even
-constant ones turn in the body as it banks. Of 16 figure-eights each, the mean of the normalized squared error at 15 s
-was 6.6 where headings wander and 0.8 where all errors are constant; with a factor of 1 it was 13 and 2.1.
-"""
+"""Factor before any innovation, where the autopilot's roll and pitch have errors: these errors follow turns, and even
+constant ones turn in the body as it banks. Over 16 figure-eights each, the mean normalised squared error at 15
+s was 6.6 where headings wander and 0.8 where all errors are constant; with a factor of 1 it was 13 and 2.1."""
 COUNT, U, V = range(3)
-"""Columns of ``blocks``: sums over whitened innovations."""
+"""Columns of ``blocks``: number of measurements, and sums of their whitened innovations in u and v."""
 EXCESS, BLOCKS = range(2)
-"""Columns of ``closed``: the excess of the squares of sums over noise, and the number of blocks."""
+"""Columns of ``closed``: excess of the squared sums over white noise, and number of blocks."""
 
 
 class InnovationConsistency(msgspec.Struct, frozen=True):
-    """The innovations so far, in blocks of several lengths. Immutable."""
+    """Statistics of the innovations so far, in blocks of several lengths. Immutable."""
 
     expected: float = 1.0
     """Factor before any innovation."""
     start_ns: int | None = None
+    """Capture of the first batch, host clock; None before it."""
     index: int = 0
-    """Index of the shortest block that is open."""
+    """Index of the open block of the shortest length."""
     blocks: Array = np.zeros((SCALES, 3))
-    """Open blocks, the shortest first."""
+    """Sums of the open block of each length, the shortest first."""
     closed: Array = np.zeros((SCALES, 2))
     """Statistics of the closed blocks of each length."""
 
     def seen(self, host_ns: int, whitened: Array, used: Mask) -> InnovationConsistency:
-        """The statistics after a batch, in the order of capture; earlier ones count as of the newest.
+        """The statistics after a batch. Batches come in the order of capture; an earlier one counts in the open block.
 
         ``whitened`` (2N): innovations of the ``used`` (N) measurements whitened by their covariance, u and v alternate.
         """
@@ -63,15 +65,15 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
 
     @property
     def factor(self) -> float:
-        """Factor, at least 1, of the measurements' variance, by the block length that shows most."""
+        """Factor on the measurements' variance, at least 1: the largest of all block lengths, with the expected one."""
         return self._factor(self.expected, self.closed[:, EXCESS])
 
     @property
     def shown(self) -> float:
-        """The factor by the innovations alone, beyond chance.
+        """Factor on the measurements' variance, at least 1, by the innovations alone, beyond chance.
 
-        Each block of noise alone has an excess with the variance 1. The largest factor of all lengths is 1.18 in the
-        mean after 21 of the shortest blocks; with one sigma taken off each length it is 1.06.
+        The excess of a block of white noise has the variance 1. The largest factor of all lengths is then 1.18 in the
+        mean after 21 of the shortest blocks; with one sigma subtracted for each length it is 1.06.
         """
         excess, count = self.closed.T
         return self._factor(1.0, excess - np.sqrt(count))
@@ -81,7 +83,7 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
         return 1.0 + max(0.0, float(((DOUBT * (expected - 1.0) + excess) / (DOUBT + count)).max()))
 
     def _closed(self, index: int) -> InnovationConsistency:
-        """The statistics with the blocks that end before this index closed, and part of the longer ones."""
+        """The statistics after the blocks that end before this index were closed and added to longer open ones."""
         blocks, closed, whole = self.blocks.copy(), self.closed.copy(), np.zeros(3)
         for i in range(SCALES):
             whole = blocks[i] + whole
@@ -95,6 +97,6 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
 
 
 def drift_of(priors: ErrorPriors) -> InnovationConsistency:
-    """The statistics before any innovation."""
+    """Innovation statistics before any innovation, with the factor expected under these priors."""
     errs = priors.sigma(Bias.ROLL) > 0.0 or priors.sigma(Bias.PITCH) > 0.0
     return InnovationConsistency(EXPECTED if errs else 1.0)

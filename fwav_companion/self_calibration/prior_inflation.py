@@ -1,8 +1,9 @@
-"""Priors that a flight contradicts: widened to the flight's estimate, instead of bending everything else.
+"""Priors that a flight contradicts: they are widened to the flight's estimate, so that they do not bias other
+parameters.
 
-A height above a home that was set metres off, or a mount that was moved, lies many sigma outside of [uncertainty]. A
-parameter held there, or pulled there, would appear as another one: a height as a mount off by degrees, and every target
-with it.
+The height above a home that was set metres off, or a mount that was moved, is wrong by many sigma of [uncertainty]. If
+a wrong prior held such a parameter, its error would appear in another one: a height error as a mount error of degrees,
+which displaces every target.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.posterior import MOUNT_AXES
 
 DENIED = 4.0
-"""Sigma between configuration and estimate, at which one of the two is wrong."""
+"""Distance between configuration and estimate, in sigma, beyond which one of the two is wrong."""
 TESTED = (SharedParameter.DELAY, *MOUNT_AXES, SharedParameter.HEIGHT)
-"""Not the heading, which is part of the mount as it is reported."""
+"""Parameters whose priors are tested; not the heading, because the reported mount includes it."""
 
 
 def prior_inflations(joint: JointFilter, means: Array, sigmas: Array) -> tuple[PriorInflation, ...]:
@@ -37,10 +38,10 @@ def prior_inflations(joint: JointFilter, means: Array, sigmas: Array) -> tuple[P
 
 
 def _denial(joint: JointFilter, i: int, mean: float, sigma: float) -> float:
-    """Sigma of the contradiction, at least; 0 where nothing was learned.
+    """Distance of a parameter's estimate from its prior mean in sigma, a lower bound; 0 where the sigma did not shrink.
 
     The joint estimate only considers the vehicle's position error, so the correlation of its errors is not known, and
-    the two may differ by the sum of their sigmas.
+    estimate and prior mean may differ by the sum of their sigmas.
     """
     found = sqrt(max(0.0, joint.cov[0, i, i]))
     return float(abs(joint.mean[0, i] - mean)) / (sigma + found) if found < sigma else 0.0
