@@ -1,4 +1,4 @@
-"""Mean directions of the vertical and of the targets: about which axes errors are observable. PURE."""
+"""Mean directions of the vertical and of the targets: the axes that decide which errors are observable. PURE."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from fwav_companion.types import VehicleState
 
 
 class MeanAxes(msgspec.Struct, frozen=True, gc=False):
-    """Mean directions in the carrier of the camera."""
+    """Mean directions of the vertical and of the targets, in the axes of the camera's carrier (body or gimbal)."""
 
     down: Vector3 = (0.0, 0.0, 1.0)
+    """Mean direction of down."""
     sight: Vector3 = (0.0, 0.0, 1.0)
-    """Toward the targets."""
+    """Mean direction toward the targets."""
     count: int = 0
+    """Number of batches in the means."""
 
     def with_batch(self, state: VehicleState, batch: MeasurementBatch) -> MeanAxes:
-        """The means with one more batch."""
+        """The means after one more batch."""
         share = 1.0 / (self.count + 1)
         down = rotate(conjugate(state.ned_from_carrier), (0.0, 0.0, 1.0))
         x, y, z = batch.ray.mean(0).tolist()

@@ -1,9 +1,9 @@
-"""Gross mistakes in the mount, noticed and named rather than estimated: an image upside down, turned or mirrored, or a
-camera that looks elsewhere than configured.
+"""Detection of gross mistakes in the mount, which are reported rather than estimated: an image upside down, turned or
+mirrored, or a camera that looks elsewhere than configured.
 
-The sights of a static target meet on the ground under the right mount, and scatter over the field under a wrong one,
-too far for any confirmed track. So single sights are kept whether or not they belong to a track, and tried under other
-mounts: a mount that gathers them is reported, and with it the error of everything that is published.
+The sights of a static target meet on the ground under the right mount. Under a wrong one they scatter over the field,
+too far for any confirmed track. So single sights are kept whether or not they belong to a track, and are tried under
+other mounts. A mount under which they meet is reported, and so is the resulting error of all published places.
 """
 
 from __future__ import annotations
@@ -30,65 +30,70 @@ from fwav_companion.self_calibration.sights import (
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
 EVERY_NS = 200 * NS_PER_MS
-"""Between two sights that are kept: sixty of them span many headings."""
+"""Least time between two sights that are kept: sixty of them span many headings."""
 MOST_KEPT = 80
 LEAST_KEPT = 30
+"""Most sights kept, and sights of one label that a judgement needs."""
 FRESH = 10
-"""Sights between two judgements, two seconds and more."""
+"""New sights between two judgements: two seconds and more."""
 PREDICTED_NS = 3 * NS_PER_S
-"""After that time a person who walks is 4 m away."""
+"""Time over which a mount must predict the sights: a walking person is 4 m away after it."""
 LEAST_FITTED, LEAST_PREDICTED = 15, 8
+"""Least sights that a mount is fitted to, and least later sights that it must predict."""
 ANOTHER_DELAY_S = 0.01
-"""Change of the delay from which the earlier sights belong to other attitudes."""
+"""Change of the delay, s, beyond which the earlier sights belong to other attitudes and are dropped."""
 WILD = 0.12
-"""Spread under the configured mount, rad, above which another mount is searched: a delay of 35 ms makes as much on a
-flapping camera, a mount off by a few degrees less. Neither is gathered by another mount."""
+"""Spread under the configured mount, rad, above which another mount is searched. A delay of 35 ms causes as much on a
+flapping camera, a mount off by a few degrees less. No other mount reduces either spread."""
 DISPLACED = 3.0
-"""Spread over the one expected of a right mount, above which another mount is searched. A distance drawn from the same
-normal errors is larger once in 500 times (Rayleigh distribution). Near the ground small distances are large angles:
-over a descent to 1 m with a position that wandered by 1 m the sights spread by 0.3 rad, and a mount off by 106 degrees
-gathered them."""
+"""Ratio of the spread to the one expected of a right mount, above which another mount is searched. A distance drawn
+from the same normal errors is larger once in 500 times (Rayleigh distribution). Near the ground small distances are
+large angles: over a descent to 1 m with a position that wandered by 1 m the sights spread by 0.3 rad, and met under a
+mount off by 106 degrees."""
 CLOSE = 0.08
-"""Spread up to which sights meet: 35 ms of delay leave 0.07 on a flapping camera, a metre of wandering 0.05."""
+"""Spread up to which sights meet, rad: a delay of 35 ms leaves 0.07 on a flapping camera, a metre of position wander
+0.05."""
 GATHERED = 0.45
-"""Spread against that of the configured mount, below which a candidate explains the sights: a metre of wandering
-position remains even with the right one."""
+"""Ratio of a candidate's spread to that of the configured mount, below which the candidate explains the sights: a metre
+of position wander remains even with the right mount."""
 AS_GOOD, SHARP = 1.25, 0.02
-"""Spread against that of mounts near it, up to which a turned image or a likely mount is the simpler explanation, or by
-itself: a degree, what pixels leave."""
+"""Ratio of the spread to that of the mounts near it, and spread in rad (a degree, as pixel noise leaves), up to either
+of which a turned image or a likely mount is the simpler explanation."""
 SMALL = radians(8.0)
-"""Where a mount off by less gathers the sights, too, there is no gross mistake: few views hardly distinguish them.
-Self-calibration finds that mount, and the targets have wide covariances until it did."""
+"""Mount error, rad: where the sights also meet under a mount off by less, there is no gross mistake, because few views
+hardly distinguish the mounts. Self-calibration finds that mount, and the targets have wide covariances until then."""
 LIKELY = 14.2
-"""Squared Mahalanobis distance from the configured mount, up to which the priors of mount, attitude and heading hold a
-mount, and so do all claims: right priors exceed it once in 400 flights (3 degrees of freedom). Of fifty eights and
-racetracks drawn from the priors one, with a heading off by 5.4 degrees for a sigma of 2, had no fix in its last 20 s.
-"""
+"""Squared Mahalanobis distance from the configured mount, 3 degrees of freedom, up to which the priors of mount,
+attitude and heading, and so all covariances, include a mount: right priors exceed it once in 400 flights. Of fifty
+eights and racetracks drawn from the priors, one, with a heading off by 5.4 degrees for a sigma of 2, had no fix in its
+last 20 s."""
 KNOWN = 1e-6
-"""One sigma of an angle that is configured as exactly known, rad."""
+"""One sigma assumed for an angle that is configured as exactly known, rad."""
 
 
 class MountMistake(msgspec.Struct, frozen=True):
-    """A mount that explains the sights, where the configured one does not."""
+    """A mount that explains the sights where the configured one does not."""
 
     common: CommonPoint
+    """The mount, and the point where the sights meet under it."""
     text: str
-    """Sentence for people; empty where the mistake is not gross."""
+    """The mistake as a sentence for users; empty where it is not gross."""
     misplaced_m: float
-    """Median distance of the published places from the common point."""
+    """Median distance of the published places from the common point, m."""
 
 
 class MountCheck(msgspec.Struct, frozen=True):
-    """The single sights so far, and their judgement. Immutable."""
+    """The kept single sights, and the mount mistake that they show. Immutable."""
 
     predicted_ns: int = PREDICTED_NS
-    """Time over which a mount must predict the sights, before it is believed."""
+    """Time over which a mount must predict the sights before it is accepted."""
     sights: tuple[SingleSight, ...] = ()
     fresh: int = 0
     """Sights kept since the last judgement."""
     delay_s: float = 0.0
-    """Delay by which the sights were taken."""
+    """Delay at which the poses of the sights were taken, s."""
     mistake: MountMistake | None = None
+    """Result of the last judgement."""
 
     @property
     def text(self) -> str:
@@ -102,9 +107,9 @@ class MountCheck(msgspec.Struct, frozen=True):
         delay_s: float,
         priors: ErrorPriors,
     ) -> MountCheck:
-        """The check after a frame; only a frame with a single fix shows which target it was.
+        """The check after one frame. Only a frame with a single fix is used, because then its target is not in doubt.
 
-        ``state_at_capture``: the vehicle at a capture by ``delay_s``, the delay that is known by now.
+        ``state_at_capture``: gives the vehicle's state at a capture corrected by ``delay_s``, the delay known by now.
         """
         if len(fixes) != 1 or (self.sights and fixes[0].sighting.frame_host_ns - self.sights[-1].host_ns < EVERY_NS):
             return self
@@ -122,8 +127,9 @@ class MountCheck(msgspec.Struct, frozen=True):
 def _judged(
     sights: Sequence[SingleSight], before: MountMistake | None, predicted_ns: int, priors: ErrorPriors
 ) -> MountMistake | None:
-    """The mistake by these sights, where they spread far under the configured mount; the one found ``before`` remains
-    until the configured mount gathers them as much better.
+    """The mistake that these sights show if they spread far under the configured mount. The one found ``before``
+    remains until the spread under the configured mount is smaller than under the found one by the same ratio
+    (GATHERED).
     """
     seen, wild = sights_of(sights), max(WILD, DISPLACED * expected_spread(sights, priors))
     (configured,) = seen.meeting(np.array([sights[-1].body_from_camera]))
@@ -150,12 +156,12 @@ def _mistake(seen: Sights, configured: CommonPoint, common: CommonPoint, text: s
 
 
 def _enough(configured: CommonPoint) -> float:
-    """The spread below which another mount explains what this one does not."""
+    """The spread, rad, below which another mount explains the sights better than the configured one."""
     return min(CLOSE, GATHERED * configured.spread)
 
 
 def _image(seen: Sights, configured: CommonPoint) -> tuple[CommonPoint, str] | None:
-    """The turned or mirrored image that explains these sights, and better than a mount a little off does."""
+    """The turned or mirrored image that explains these sights as well as mounts a little off do; None without one."""
     mount = configured.body_from_camera
     images = seen.meeting(np.array([turned(mount, turn) for _, turn in CANDIDATES]))
     best, text = min(((c, text) for c, (text, _) in zip(images, CANDIDATES, strict=True)), key=lambda e: e[0].spread)
@@ -166,9 +172,10 @@ def _image(seen: Sights, configured: CommonPoint) -> tuple[CommonPoint, str] | N
 
 
 def _predicting(sights: Sequence[SingleSight], configured: CommonPoint, predicted_ns: int) -> CommonPoint | None:
-    """A mount that explains the earlier sights, and thereby the last ones.
+    """A mount fitted to the earlier sights that predicts the last ones; None without one.
 
-    Three parameters can be fitted to many paths: to a walking target, too. They then predict its earlier place.
+    Three parameters can be fitted to many paths, also to that of a walking target. The fitted mount then predicts an
+    earlier place of that target.
     """
     until_ns = sights[-1].host_ns - predicted_ns
     earlier = [each for each in sights if each.host_ns <= until_ns]
@@ -181,7 +188,7 @@ def _predicting(sights: Sequence[SingleSight], configured: CommonPoint, predicte
 
 
 def _suspect(seen: Sights, configured: CommonPoint) -> CommonPoint | None:
-    """The mount that explains these sights, one near the configured one first; None where there is none."""
+    """A mount that explains these sights, preferably one near the configured one; None without one."""
     mount = configured.body_from_camera
     near = searched(seen, mount[None], SMALL_STEPS, lambda each: angle(mount, each) <= SMALL)
     if near.spread < _enough(configured):
@@ -191,8 +198,9 @@ def _suspect(seen: Sights, configured: CommonPoint) -> CommonPoint | None:
 
 
 def _is_within_priors(seen: Sights, configured: CommonPoint, sight: SingleSight, priors: ErrorPriors) -> bool:
-    """Whether a likely mount explains the sights as well as any near it, by the priors of all that turns them alike:
-    the mount itself, roll and pitch, and the heading about down.
+    """Whether a mount that is likely by the priors explains the sights as well as any mount near it.
+
+    The priors are those of all rotations common to the sights: the mount, roll and pitch, and the heading about down.
     """
     heading = priors.sigma(Bias.HEADING) * np.array(sight.ned_from_body)[2]
     cov = np.diag(mount_sigmas(priors)) ** 2 + heading[:, None] * heading

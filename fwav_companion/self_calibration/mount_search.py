@@ -1,4 +1,4 @@
-"""The mount that gathers the sights of a static target best: a search by steps about the axes of the body."""
+"""Search for the mount with the least spread of a static target's sights, by rotation steps about the body axes."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from fwav_companion.self_calibration.arrays import Array, rotation, times
 from fwav_companion.self_calibration.sights import CommonPoint, Sights
 
 STEPS = tuple(map(radians, (40.0, 20.0, 10.0, 5.0, 2.0)))
-"""Steps of the search among mounts: the first reaches half way to the next start."""
+"""Rotation steps of the search among all mounts, rad: the first is about half the angle to the next start."""
 SMALL_STEPS = tuple(map(radians, (4.0, 2.0, 1.0)))
+"""Rotation steps of a search near one mount, rad."""
 STARTS: Array = np.array(
     [(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 2)]
 ) * radians(90.0)  # fmt: skip
-"""Rotation vectors, body axes."""
+"""Rotations of the configured mount at which the search starts: rotation vectors, body axes, rad."""
 AXES: Array = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
 
 
 def searched(
     seen: Sights, starts: Array, steps: Sequence[float], allowed: Callable[[Array], bool] = lambda _: True
 ) -> CommonPoint:
-    """The ``allowed`` mount that gathers the sights best: from the best start by steps about body axes."""
+    """The ``allowed`` mount with the least spread: from the best start by steps about the body axes."""
     best = min(seen.meeting(starts), key=_spread)
     for step in steps:
         least = inf

@@ -1,4 +1,4 @@
-"""What a mount other than the configured one is called, for people: a turned or mirrored image, or its angles."""
+"""Description of a wrong mount in words for users: a turned or mirrored image, or the angles of the right mount."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.self_calibration.arrays import Array, times
 
 Turn: TypeAlias = tuple[int, int, int, int]
-"""x' = a x + b y, y' = c x + d y of the camera's ray."""
+"""(a, b, c, d) of a linear map of the camera's ray: x' = a x + b y, y' = c x + d y."""
 
 CANDIDATES: tuple[tuple[str, Turn], ...] = (
     ("the image is upside down: turn the mount by 180 degrees about the camera's axis", (-1, 0, 0, -1)),
@@ -21,16 +21,17 @@ CANDIDATES: tuple[tuple[str, Turn], ...] = (
     ("the image is mirrored left to right", (-1, 0, 0, 1)),
     ("the image is mirrored top to bottom", (1, 0, 0, -1)),
 )
-"""The mistake, and the turn that corrects it."""
+"""Each mistake in words, with the map that corrects it."""
 
 NAMED = radians(12.0)
-"""A mount off by more is named. Of mounts off by 10 degrees self-calibration found all, of those off by 15 nine in ten,
-by 20 half."""
+"""Mount error, rad, above which a mount is reported as a mistake. Of mounts off by 10 degrees self-calibration found
+all, of those off by 15 degrees nine in ten, of those off by 20 degrees half."""
 
 
 def named(configured: Array, found: Array) -> str:
-    """The mistake of a mount in words; empty where it is off by little. A turned image on a mount a little off is still
-    a turned image.
+    """The mistake of the ``configured`` mount in words, by the one that was ``found``; empty where it is off by little.
+
+    A turned image with a mount a little off is still reported as a turned image.
     """
     off = angle(configured, found)
     if off < NAMED:
@@ -52,7 +53,7 @@ def angle(a: Array, b: Array) -> float:
 
 
 def turned(mount: Array, turn: Turn) -> Array:
-    """The mount (3, 3) of the camera whose image is turned so; of a mirrored one it is no rotation."""
+    """The mount (3, 3) with the camera's ray mapped by ``turn``; not a rotation for a mirrored image."""
     a, b, c, d = turn
     return times(mount, np.array(((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0))))
 

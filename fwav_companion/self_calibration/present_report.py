@@ -1,4 +1,4 @@
-"""The report of a calibrator: what it believes, its status, and what the flight lacks for a calibration, for people."""
+"""The report of self-calibration: estimates, status, and a sentence on what the flight lacks for a calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WITHOUT_DELAY = {
 
 
 def report_of(state: CalibrationState) -> CalibrationReport:
-    """The report of this state."""
+    """Report of this state of self-calibration."""
     means, sigmas = believed(state.assessment, state.context.shared_priors, state.stamp_sigma_s)
     return CalibrationReport(
         host_ns=state.host_ns,
@@ -52,7 +52,7 @@ def _missing(state: CalibrationState) -> str | None:
 
 
 def missing_before_assessment(search: DelaySearch | None, no_delay: NoDelay | None, attitude_hz: float | None) -> str:
-    """The reason while there is no estimate. ``attitude_hz``: rate of attitudes that are too slow, else None."""
+    """The reason why there is no estimate yet. ``attitude_hz``: rate of attitudes if they are too slow, else None."""
     if attitude_hz is not None:
         return f"attitudes at {attitude_hz:.1f} Hz"
     if search is not None:
@@ -64,7 +64,7 @@ def missing_before_assessment(search: DelaySearch | None, no_delay: NoDelay | No
 
 
 def missing_of(assessment: Assessment, priors: ErrorPriors) -> str | None:
-    """The reason of an estimate's status; None where it is calibrated."""
+    """The reason why an assessed estimate is not calibrated; None where it is."""
     if assessment.status is CalibrationStatus.CALIBRATED:
         return None
     if assessment.mount_known <= MOUNT_OBSERVABLE:

@@ -1,4 +1,4 @@
-"""Single sights of static targets, and how well they meet in one place under any mount of the camera."""
+"""Single sights of static targets, and how closely their rays meet in one place under any mount of the camera."""
 
 from __future__ import annotations
 
@@ -17,52 +17,55 @@ from fwav_companion.self_calibration.filter_pass import median_of
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
 DISPLACING = (Bias.HEIGHT, Bias.POSITION_DELAY, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z, Bias.TARGET_HEIGHT)
-"""Biases that displace a point by metres, whatever the camera's distance; other mounts imitate them where it is near.
-"""
+"""Biases that displace a ground point by metres, whatever the camera's distance; where the camera is near, other mounts
+have the same effect."""
 MEDIAN = sqrt(2.0 * log(2.0))
 """Median distance of a point with a sigma of 1 along each of two axes (Rayleigh distribution)."""
 LEAST_DOWN = 0.05
-"""Down component of a unit ray: 3 degrees below the horizon; a flatter ray meets the ground anywhere."""
+"""Least down component of a unit ray, 3 degrees below the horizon: a flatter ray meets the ground anywhere."""
 
 
 class SingleSight(msgspec.Struct, frozen=True, gc=False):
-    """A fix without the mount."""
+    """One sighting of a target with the vehicle's pose, independent of the mount of the camera."""
 
     host_ns: HostNs
     label: str
     ray: Vector3
-    """Unit, camera axes."""
+    """Unit ray, camera axes."""
     body_from_camera: Matrix3
-    """Mount as configured; of a camera on a gimbal in the gimbal's axes, and so is the next."""
+    """Mount as configured; for a camera on a gimbal, in the gimbal's axes."""
     ned_from_body: Matrix3
+    """Attitude of the body; for a camera on a gimbal, of the gimbal."""
     camera_ned: Vector3
+    """Camera position, NED, m."""
     drop_m: float
-    """From the camera down to the target's ground."""
+    """Height of the camera above the target's ground, m."""
     range_m: float
-    """From the camera to the point on the ground."""
+    """Distance from the camera to the point on the ground, m."""
     displaced_m2: float
-    """Variance of the point by noise and by DISPLACING, mean of both axes."""
+    """Variance of the ground point by noise and by DISPLACING, mean of both axes, m^2."""
     position_m2: float
-    """Variance of the vehicle's position, mean of both axes."""
+    """Variance of the point by the vehicle's position bias, mean of both axes, m^2."""
 
 
 class CommonPoint(msgspec.Struct, frozen=True):
-    """The point where sights meet under a mount, and how well."""
+    """The point where sights meet under one mount, and their spread about it."""
 
     body_from_camera: Array
-    """(3, 3), the mount; also one that mirrors."""
+    """(3, 3), the mount; possibly one that mirrors."""
     spread: float
-    """Median angle between a sight and the point, rad; about 3e2 and more where half of them miss the ground."""
+    """Median angle between a sight and the direction of the point, rad; about 3e2 and more where half of the sights
+    miss the ground."""
     point: Array
-    """(2), north and east."""
+    """(2), north and east, m."""
 
 
 MISSED = 1e3
-"""Spread where half of the sights miss the ground."""
+"""Value of ``CommonPoint.spread`` where half of the sights miss the ground."""
 
 
 def sight_of(fix: GroundFix, state: VehicleState, priors: ErrorPriors) -> SingleSight:
-    """The sight of a fix; ``state``: the vehicle at its capture by the delay that is known."""
+    """The sight of a fix. ``state``: the vehicle at its capture, corrected by the known delay."""
     sighting = fix.sighting
     displaced_m2 = 0.5 * (fix.noise_cov[0][0] + fix.noise_cov[1][1]) + _variance(fix, DISPLACING, priors)
     nominal = sighting.state
@@ -89,12 +92,12 @@ def _variance(fix: GroundFix, biases: Sequence[Bias], priors: ErrorPriors) -> fl
 
 
 def expected_spread(sights: Sequence[SingleSight], priors: ErrorPriors) -> float:
-    """One sigma of the median angle between sights and their common point under a right mount, rad: by noise, by biases
-    of metres, and by what the vehicle's position wanders within these sights.
+    """Expected median angle between sights and their common point under a right mount, rad: by noise, by biases of
+    metres, and by the wander of the vehicle's position over these sights.
 
-    The position errs by its whole sigma, but nearly the same throughout. A random walk over a time t spreads about its
-    own mean by the variance of t / 6, and a first-order process of time constant T moves like one within T: its
-    variance over an interval is 2 sigma^2 (1 - exp(-interval / T)).
+    The position's error has its whole sigma, but is nearly constant over the sights. A random walk over a time t
+    spreads about its own mean by its variance over t / 6, and a first-order process of time constant T moves like a
+    random walk within T: its variance over an interval is 2 sigma^2 (1 - exp(-interval / T)).
     """
     sixth_s = s_from_ns(sights[-1].host_ns - sights[0].host_ns) / 6.0
     times_s = priors.position_times_s
@@ -103,16 +106,19 @@ def expected_spread(sights: Sequence[SingleSight], priors: ErrorPriors) -> float
 
 
 class Sights(msgspec.Struct, frozen=True):
-    """Sights as arrays of K, and their meeting under M mounts (M, 3, 3)."""
+    """K sights as arrays, and their common points under M mounts (M, 3, 3)."""
 
     rays: Array
+    """(K, 3), unit, camera axes."""
     ned_from_body: Array
+    """(K, 3, 3)."""
     camera: Array
-    """(K, 2)."""
+    """(K, 2), north and east of the camera, m."""
     drop_m: Array
+    """(K), height of the camera above the target's ground, m."""
 
     def directions(self, mounts: Array) -> Array:
-        """(M, K, 3) directions in NED."""
+        """(M, K, 3) directions of the sights in NED."""
         return np.asarray(np.einsum("kab,mbc,kc->mka", self.ned_from_body, mounts, self.rays))
 
     def ground_points(self, directions: Array) -> tuple[Array, Mask]:
@@ -122,7 +128,7 @@ class Sights(msgspec.Struct, frozen=True):
         return self.camera + directions[..., :2] * reach[..., None], below
 
     def meeting(self, mounts: Array) -> list[CommonPoint]:
-        """The common points under these mounts. In angles: seen from afar, or steeply, all points lie close."""
+        """Common point under each mount. Spreads are angles: seen from afar, or steeply, all points lie close."""
         directions = self.directions(mounts)
         points, below = self.ground_points(directions)
         enough = 2 * below.sum(1) >= len(self.drop_m)
@@ -141,7 +147,7 @@ class Sights(msgspec.Struct, frozen=True):
         return np.asarray(np.sqrt(np.median(((directions - toward) ** 2).sum(-1), axis=1)))
 
     def misplaced_m(self, common: CommonPoint, configured: Array) -> float:
-        """Median distance of the sights as configured from their common point, metres."""
+        """Median distance of the sights' points under the ``configured`` mount from a common point, metres."""
         points, below = self.ground_points(self.directions(configured[None]))
         apart = np.hypot(*(points[0] - common.point).T)[below[0]]
         return float(np.median(apart)) if len(apart) else 0.0
