@@ -98,7 +98,7 @@ def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPrio
 
 
 class ErrorModel:
-    """Covariances of one fix, NED, m^2, and its error budget: the noise at once, all else when first asked for."""
+    """Covariances of one fix, NED, m^2, and its error budget. All but ``noise_cov`` are computed on first access."""
 
     __slots__ = (
         "_bias",
@@ -134,11 +134,11 @@ class ErrorModel:
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Covariance without the vehicle's position: without its biases, and less its noise."""
+        """Covariance without the errors of the vehicle's position: without its biases, and minus its noise."""
         return self._with_biases(_place_noise_terms(self._propagation, -self._noise.place))
 
     def _with_biases(self, more: Terms) -> Matrix3:
-        """The noise with the biases but those of the vehicle's position, and with these terms."""
+        """Covariance of the noise, of all biases except those of the vehicle's position, and of the terms ``more``."""
         terms = _bias_terms(self._propagation, self._noise, self._bias, self._meeting)
         return add_matrices(self.noise_cov, self._covariance((*terms, *more), self._level_variance))
 
@@ -237,7 +237,7 @@ def _covariance(terms: Terms, level_m2: float) -> Matrix3:
 
 
 def _level_covariance(terms: Terms, level_m2: float) -> Matrix3:
-    """The same for columns without a down component: twice as fast, and the case of nearly every fix."""
+    """``_covariance`` for columns without a down component: twice as fast, and the case of nearly every fix."""
     nn = ne = ee = 0.0
     for (n, e, _), variance in terms:
         w = variance * n

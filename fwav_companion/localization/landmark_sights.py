@@ -1,4 +1,4 @@
-"""Sights of landmarks: where their rays meet the level of the known altitude."""
+"""Sights of landmarks: the intersections of their rays with the level surface at the landmark's known altitude."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class KnownLevel:
 
 
 class LandmarkSights:
-    """The landmarks of the configuration in the local world."""
+    """Finds sights of the configured landmarks, in the local world."""
 
     def __init__(self, landmarks: Sequence[Landmark], priors: ErrorPriors, *, min_height_m: float) -> None:
         self.landmarks = tuple(landmarks)
@@ -58,10 +58,10 @@ class LandmarkSights:
         self._min_height_m = min_height_m
         self._places: list[tuple[Vector3, Localizer]] = []
         self.unapplied = tuple(LandmarkRecord(each.label, LandmarkState.NOT_APPLIED) for each in self.landmarks)
-        """The record of each landmark where no filter uses their sights."""
+        """Record of each landmark for a run in which no filter uses the sights."""
 
     def placed(self, plane: TangentPlane) -> None:
-        """Take the world's origin."""
+        """Set the world's origin."""
         places = [plane.ned_from_geodetic(landmark.place) for landmark in self.landmarks]
         self._places = [
             (place, Localizer(KnownLevel(place[2]), self._priors, min_height_m=self._min_height_m)) for place in places

@@ -22,7 +22,8 @@ from fwav_companion.localization.propagation import Propagation, RangeSensitivit
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
 LARGEST_STRETCH = 0.15
-"""Largest one sigma of the ray's relative length by all angle errors; beyond it a fix is refused as too shallow.
+"""Largest one sigma of the relative error of the ray's length by all angle errors; beyond it a fix is refused as too
+shallow.
 
 Let k be this number. The error is then e (1 - k z + ...) for a normal z, instead of e. Its mean is off by at most k
 sigma along the ray, and its mean normalised square is 1 + 3 k^2, at most 7 % too large. So the bias by curvature is
@@ -34,7 +35,8 @@ LEAST_TILT = 1e-3
 LEVEL_GROUNDS = ("home", "fixed")
 """Models whose ground may be uneven by [uncertainty] terrain_m; a rangefinder measures it."""
 WALL = 0.7
-"""Down component of a normal, steeper than 45 deg: a wall or the side of a tree, where the ground about it matters."""
+"""Down component of a normal below which the surface is steeper than 45 deg: a wall or the side of a tree, where the
+ground about it matters."""
 UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 """Normal of ground that is level on average; not :data:`LEVEL_NORMAL`, whose points lie exactly at its level."""
 SIGMA_POINTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -43,12 +45,12 @@ SIGMA_WEIGHTS = (0.0545, 0.2442, 0.4026, 0.2442, 0.0545)
 MOST_REACH = 0.3
 """Largest reach that is examined: two sigma of it still lead to the plane about the point."""
 EDGE_SIGMAS, LEAST_EDGE_M = 4.0, 2.0
-"""Departure of the step between two neighbouring rays from that on a plane, in sigmas of the ray's length, and in
-metres: beyond both, the two answers lie further apart than the claim of either."""
+"""Bounds on the difference between the step in distance of two neighbouring rays and that step on a plane, in sigmas of
+the ray's length and in metres. Beyond both, the two points are further apart than the covariance of either allows."""
 
 
 class Localizer:
-    """Localizer over one ground model; without state but that of the ground."""
+    """Converts sightings to fixes on one ground model. The only state is that of the ground."""
 
     def __init__(self, ground: Ground, priors: ErrorPriors, *, min_height_m: float) -> None:
         self.ground = ground
@@ -66,7 +68,10 @@ class Localizer:
         return self.ground.placed(plane, take_off, undulation_m)
 
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
-        """The ground fix of a sighting, in a relative world about the point below the camera; or the reason why not."""
+        """The ground fix of a sighting, or the reason for its refusal.
+
+        In a relative world the origin of the fix is the point below the camera.
+        """
         try:
             answer = self._located(sighting)
         except (OverflowError, ValueError, ZeroDivisionError):  # finite but absurd telemetry
@@ -110,10 +115,11 @@ class Localizer:
         )
 
     def _meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
-        """The intersection of the ray with the ground, for a point above it with the ground raised by its height.
+        """The intersection of the ray with the ground, which is raised by the height of a detected point above its
+        foot.
 
-        The camera is lowered instead, which moves the point to the target's foot: on level ground afterwards, whatever
-        its height is known by; over a model before.
+        The camera is lowered instead of raising the ground, so that the intersection is the target's foot: after the
+        intersection with level ground, whatever shows the height of that ground; before it over an elevation model.
         """
         raised_m = sighting.anchor_height_m
         meeting = self.ground.meet(sighting, direction)
@@ -126,7 +132,7 @@ class Localizer:
         return self.ground.meet(below, direction)
 
     def _stretch_variance(self, stretch: RangeSensitivity, noise: NoiseVariances) -> float:
-        """The variance of the ray's relative length by every error that turns the ray."""
+        """The variance of the relative error of the ray's length by all errors that turn the ray."""
         bias, (x, y, z), (u, v) = self._bias, stretch.body, stretch.pixel
         heading, time, attitude = stretch.heading, stretch.time, noise.attitude + noise.bridging
         return (
@@ -140,10 +146,10 @@ class Localizer:
         )
 
     def _reach(self, direction: Vector3, meeting: Intersection, stretch: float) -> float:
-        """One sigma of the relative length of a turned ray that ends where, by every error, this one may end.
+        """One sigma of the relative length of turned rays whose ends cover where, by all errors, this ray may end.
 
-        An error of the level moves the end along the ground by its product with the tangent of the tilt: a turn of the
-        ray that does the same changes its length by the square of the sine.
+        An error of the ground's level moves the end along the ground by the error times the tangent of the tilt. A turn
+        of the ray with the same effect changes its length by the square of the sine as much as the level error does.
         """
         level_m2 = meeting.level_doubt_m**2 + self._bias.terrain + self._bias.height
         descent = dot(meeting.normal, direction)
@@ -151,7 +157,7 @@ class Localizer:
         return min(MOST_REACH, hypot(stretch, (1.0 - descent**2) * level))
 
     def _by_receiver(self, sigma_m: float | None, columns: tuple[Vector3, ...]) -> tuple[Vector3, ...]:
-        """The columns with those of the position per sigma of the receiver's own word, in units of the prior."""
+        """The columns of the biases, with those of the position scaled by the receiver's own sigma over the prior's."""
         prior_m = self._priors.sigma(Bias.POSITION_NORTH)
         if sigma_m is None or sigma_m == prior_m or prior_m == 0.0:
             return columns
@@ -161,15 +167,16 @@ class Localizer:
         return tuple(scaled)
 
     def _variances(self, sigma_m: float | None) -> BiasVariances:
-        """The variances of the biases, those of the position by the receiver's own word where it has one."""
+        """The variances of the biases, those of the position by the receiver's own sigma if it reports one."""
         if sigma_m is None:
             return self._bias
         return msgspec.structs.replace(self._bias, north=sigma_m * sigma_m, east=sigma_m * sigma_m)
 
     def _with_level_doubt(self, propagation: Propagation, doubt_m: float) -> Propagation:
-        """The propagation with a doubt of the ground's level beyond [uncertainty] terrain_m.
+        """The propagation with an uncertainty of the ground's level in addition to [uncertainty] terrain_m.
 
-        Its column is longer by as much as the sigmas together exceed the prior: one bias through the flight.
+        The column of the terrain is scaled by the ratio of both sigmas together to the prior: one bias through the
+        flight.
         """
         prior_m = self._priors.sigma(Bias.TERRAIN)
         if doubt_m == 0.0 or prior_m == 0.0:
@@ -181,12 +188,13 @@ class Localizer:
     def _roughness_m(
         self, sighting: Sighting, direction: Vector3, meeting: Intersection, reach: float
     ) -> float | NoFix:
-        """One sigma of the ground's level by which its shape about the point widens the fix, metres.
+        """One sigma of the ground's level, metres, that represents the ground's shape about the point in the
+        covariance.
 
-        Rays that are steeper and shallower by one and two sigma of the ray's length are intersected too, and weighed as
-        a normal distribution weighs them: what their distances scatter beyond those on a plane is the ground's shape.
-        Where two neighbours lie much further apart than on a plane, an edge hides the ground between: there are two
-        answers, and an ellipse cannot describe them.
+        Rays that are steeper and shallower by one and two sigma of the ray's length are intersected too, weighted by
+        the density of a normal distribution. The scatter of their distances about those on a plane shows the ground's
+        shape. Where the points of two neighbouring rays are much further apart than on a plane, an edge hides the
+        ground between them: there are two possible points, and an ellipse cannot describe them.
         """
         axis = cross(direction, meeting.normal)
         descent = dot(meeting.normal, direction)
@@ -216,7 +224,7 @@ def _point(meeting: Intersection, direction: Vector3) -> Vector3:
 
 
 def _is_finite(fix: GroundFix) -> bool:
-    """Whether position and variances are finite; an infinity or NaN in a column makes its variances so."""
+    """Whether position and variances of a fix are finite; infinity or NaN in a column makes the variances so, too."""
     (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.noise_cov
     total = north + east + down + nn + ee + dd
     for n, e, d in fix.bias_jacobian:

@@ -72,7 +72,7 @@ class Propagation(msgspec.Struct, frozen=True, gc=False):
 
 
 def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> tuple[Propagation, RangeSensitivity]:
-    """The derivatives at the intersection of the unit ray ``direction``, NED, with the ground; those of its length."""
+    """The derivatives of the intersection of the unit ray ``direction``, NED, with the ground, and of its length."""
     state, m = sighting.state, scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
     x_axis, y_axis, z_axis = body_axes = body_axes_ned(state.ned_from_carrier)
     changes = (

@@ -14,11 +14,11 @@ from fwav_companion.types import NoFix, RangeSample, Reason, Sighting, TakeOff
 from fwav_companion.types.flight_status import GroundReport
 
 LEAST_PLUMB = 0.5
-"""Down component of the beam, a unit vector: beyond 60 degrees of tilt it measures the ground at another place."""
+"""Least down component of the unit beam: beyond 60 degrees of tilt it measures the ground at another place."""
 OLDEST_S = 0.3
-"""Age of a reading at the capture, seconds: a vehicle that sinks at 2 m/s has moved by 0.6 m then."""
+"""Largest age of a reading at the capture, seconds: within it a vehicle that sinks at 2 m/s moves by 0.6 m."""
 TURN_DOUBT = 0.5
-"""One sigma of the turn between reading and capture, as a part of that turn: flapping does not keep the rates."""
+"""One sigma of the turn between reading and capture, as a fraction of that turn: rates of flapping do not persist."""
 
 
 class RangefinderGround:

@@ -18,9 +18,9 @@ from fwav_companion.localization.elevation import Cell, ElevationModel
 PIECE_M = 200.0
 """Length of the pieces of the ray, metres; latitude and longitude are exact at their ends, linear between to 1 mm."""
 MOST_PIECES = 50
-"""Pieces of one ray: 10 km, farther than a small vehicle locates targets."""
+"""Most pieces of one ray: 10 km, farther than a small vehicle locates targets."""
 MOST_CELLS = 4096
-"""Cells of one ray, 10 ms on a desktop; 10 km over samples 30 m apart cross 500."""
+"""Most cells of one ray, 10 ms on a desktop; a ray of 10 km over samples 30 m apart crosses 500."""
 NUDGE = 1e-9
 """Step into the next cell, as a part of a piece: 0.2 um."""
 

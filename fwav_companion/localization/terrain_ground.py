@@ -1,8 +1,8 @@
 """The ground by an elevation model, or by the autopilot's TERRAIN_REPORT where there is no model.
 
 The model is shifted to the take-off ground only where that is known: by HOME_POSITION, by a landing, by arming, or
-because the vehicle stands. A vehicle that is first heard in the air shows no ground: the model keeps its own heights.
-The square of a shift is part of the claim until HOME_POSITION, a landing or a landmark confirms it.
+because the vehicle stands. If the vehicle is first heard in the air, the model keeps its own heights. The square of a
+shift is part of the variance of the fixes until HOME_POSITION, a landing or a landmark confirms the shift.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ CONFIRMED = (TakeOffSource.HOME_POSITION, TakeOffSource.LANDING)
 a roof, or flying by hand launch."""
 
 WORTH = 0.7
-"""Sigma of a shift by a landmark over that of the present shift, below which the model is shifted again: a few times a
-flight, and not at every sight."""
+"""Ratio of the sigma of a shift by a landmark to that of the present shift, below which the model is shifted again: a
+few times a flight, and not at every sight."""
 ABSOLUTE_ALTITUDE_SIGMA_M = 5.0
-"""One sigma of the vehicle's altitude above sea level against a model that is not shifted: consumer GNSS is worse in
-height than its 2 to 3 m in place, by 1.5 to 2 times."""
+"""One sigma of the vehicle's altitude above sea level against a model that is not shifted, metres: 1.5 to 2 times the
+horizontal error of consumer GNSS, 2 to 3 m."""
 
 
 class TerrainShift(msgspec.Struct, frozen=True):
@@ -67,7 +67,7 @@ class TerrainGround:
         """Shift of the model to the take-off height; None while it has none, and without a model."""
         self._raised_m = 0.0
         self._before: TerrainShift | None = None
-        """Shift before that by a landmark; None while there is not any by one."""
+        """Shift before the first one by a landmark; None while no landmark has shifted the model."""
 
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the model keeps its shift to the take-off height."""
@@ -116,8 +116,8 @@ class TerrainGround:
     def shown(self, place: Geodetic, too_high_m: float, sigma_m: float) -> str:
         """Shift the model to the ground at a landmark, while the shift is not confirmed; the notice, or "".
 
-        ``too_high_m``: reported minus true altitude of the vehicle, by sights of the landmark; ``sigma_m``: one sigma
-        of both. A shift is replaced where this is clearly less than the present one's.
+        ``too_high_m``: reported minus true altitude of the vehicle, by sights of the landmark. ``sigma_m``: one sigma
+        of the new shift. The shift is replaced if ``sigma_m`` is clearly less than the sigma of the present one.
         """
         if self._model is None or self._trouble is not None or self.shift is None:
             return ""
@@ -133,7 +133,7 @@ class TerrainGround:
         return f"terrain: shifted by {shift_m:+.1f} m by a landmark ({before.shift_m:+.1f} m before)"
 
     def taken_back(self) -> str:
-        """Return to the shift before that by a landmark, which turned out wrong; the notice, or ""."""
+        """Return to the shift before the one by a landmark, which turned out wrong; the notice, or ""."""
         if self._before is None:
             return ""
         before, self._before = self._before, None
@@ -153,7 +153,7 @@ class TerrainGround:
         return self._meet_model(self._model, self._plane, sighting, direction)
 
     def status(self) -> GroundReport:
-        """Name, source, datum and shift of the model, and the reason why it gives no fixes."""
+        """Name, source, datum and shift of the model, and the reason why it gives no fixes, if any."""
         return GroundReport(
             model="terrain",
             source="TERRAIN_REPORT" if self._model is None else "files",
