@@ -153,7 +153,7 @@ class TerrainGround:
         return self._meet_model(self._model, self._plane, sighting, direction)
 
     def status(self) -> GroundReport:
-        """Name, source, datum and shift of the model, and the reason why it gives no fixes, if any."""
+        """Name, source, datum and shift of the model, and the reason why it gives no fixes."""
         return GroundReport(
             model="terrain",
             source="TERRAIN_REPORT" if self._model is None else "files",

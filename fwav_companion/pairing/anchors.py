@@ -1,4 +1,4 @@
-"""The point that a detection marks: of a marker its centre, of a standing thing its pixel and height above the foot."""
+"""The point that a detection marks: the centre of a marker, or a point of a standing target above its foot."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from fwav_companion.types import Corners, Detection, Lens, NoRay, Pixel, Sightin
 NEAR_NADIR = cos(radians(15.0))
 """Cosine of the angle to the nadir within which a thing hides its own foot: the box's centre marks its middle."""
 CUT_PX = 1.0
-"""A box that ends so near the image's edge is cut off by it: detectors clip boxes to the image, in whole pixels."""
+"""Distance from the image's edge, px, within which a box is cut off by it: detectors clip boxes to the image, in whole
+pixels."""
 HALVINGS = 20
-"""Of the angle to the nadir, at most 90 degrees: to 1e-4 degrees, a twentieth of a pixel at 600 px/rad."""
+"""Bisections of the angle to the nadir, at most 90 degrees: to 1e-4 degrees, a twentieth of a pixel at 600 px/rad."""
 
 
 SAME_PX = 0.5
-"""A marker's pixel so near to the crossing of its diagonals is meant to be its centre."""
+"""Distance from the crossing of a marker's diagonals, px, within which the marker's pixel is meant to be its centre."""
 
 
 class Anchor(msgspec.Struct, frozen=True, gc=False):
-    """The marked point."""
+    """The point of a standing target that a detection marks."""
 
     height_m: float
     """Height above the foot, metres."""
     sigma_m: float
-    """One sigma of that height, metres: the same in every sighting of the thing."""
+    """One sigma of the height, metres: one error in all sightings of a target."""
     pixel: Pixel | None = None
     """Pixel of the point where it is not the detection's own."""
 
@@ -46,7 +47,8 @@ def anchor_of(target: StandingTarget, detection: Detection, ned_from_camera: Mat
 def foot_pixel(detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Pixel | None:
     """The pixel where the image of the vertical through the box's centre leaves the box downward in the world.
 
-    None where it marks no foot: without a box, within 15 degrees of the nadir, with a box that the image cuts off.
+    None where that pixel is not the foot: without a box, within 15 degrees of the nadir, with a box that the image cuts
+    off.
     """
     box = detection.box
     if box is None or not _is_whole(box, lens.image_size):
@@ -59,10 +61,11 @@ def foot_pixel(detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Pi
 
 
 def marker_centre(detection: Detection, lens: Lens) -> Pixel:
-    """The pixel of a marker's centre: that of its detection, without the lens's bending of its diagonals.
+    """The pixel of a marker's centre: the pixel of its detection, corrected for the distortion of its diagonals.
 
-    In space the centre is where the diagonals cross, and the lens shows straight lines bent: in the image they cross
-    elsewhere, with a tag of 80 px and the paper's lens by 0.2 px. A pixel that is not that crossing is another point.
+    In space the diagonals cross at the centre. The lens bends straight lines, so that the diagonals between the corners
+    in the image cross elsewhere: by 0.2 px for a tag of 80 px and the paper's lens. A detection's pixel that is not
+    that crossing marks another point and is not corrected.
     """
     given, corners = (detection.u, detection.v), detection.corners
     if corners is None or not _is_crossing(given, corners):
@@ -88,7 +91,7 @@ def _is_crossing(pixel: Pixel, corners: Corners) -> bool:
 def _leaving(box: tuple[float, float, float, float], ray: Vector3, down: Vector3, lens: Lens) -> Pixel | None:
     """The last pixel inside the box along the image of the vertical, from a ray toward the nadir.
 
-    A point of the vertical lies in the plane of the ray and the nadir: its ray is the first one, turned in that plane.
+    Points of the vertical lie in the plane of the ray and the nadir, so their rays are ``ray`` turned in that plane.
     """
     axis = cross(ray, down)
     length = norm(axis)

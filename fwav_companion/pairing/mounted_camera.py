@@ -1,4 +1,4 @@
-"""The camera on its vehicle: where it is and how it looks, from the state of the vehicle. Pure."""
+"""The camera on its vehicle: its position and attitude by the state of the vehicle. Pure."""
 
 from __future__ import annotations
 
@@ -58,7 +58,10 @@ class MountedCamera:
         return CameraView(self._lens, ned_from_camera, camera_ned, vehicle_ned=state.position_ned)
 
     def outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
-        """The camera in the frame of the tracks: a relative world has its origin on the ground below the camera."""
+        """The camera at this state in the frame of the tracks; None where it is not known.
+
+        A relative world has its origin on the ground below the camera.
+        """
         view = self.view(state, relative=relative)
         if view is None or not relative:
             return view

@@ -52,10 +52,10 @@ class PairedFrame(msgspec.Struct, frozen=True):
     boot_ns: BootNs
     """Capture of row 0, autopilot clock."""
     state: VehicleState | Unpaired
-    """State of the vehicle at that capture, or the reason why it is not known."""
+    """State of the vehicle at the capture of row 0, or the reason why it is not known."""
     view: CameraView | None
-    """Camera at that capture; None where its pose is not known. In a relative world its height is the height above
-    home, where that is known."""
+    """Camera at the capture of row 0; None where its pose is not known. In a relative world its height is the height
+    above home, where that is known."""
     sightings: tuple[Sighting, ...]
     """Sightings of the accepted detections, in the order of the frame."""
     refused: tuple[tuple[int, Reason, float | None], ...]

@@ -30,7 +30,7 @@ from fwav_companion.types import (
 
 
 class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
-    """The row of one detection in time."""
+    """Capture of the row of one detection."""
 
     frame: int
     """Frame number."""
@@ -165,7 +165,7 @@ class Pairer:
         return None if isinstance(state, Unpaired) else self._camera.outlook(state, relative=vehicle.world.relative)
 
     def picture_rows(self, frame: Frame, clock: TwoClocks) -> PictureRows | None:
-        """A frame in time and scale, whether or not it is paired; None where the clock or the size is not known."""
+        """Rows of a frame in time, and its scale, whether or not it is paired; None without a known clock or size."""
         return self._frames.picture_rows(frame, clock)
 
     def look_at(
@@ -173,7 +173,7 @@ class Pairer:
     ) -> Sighting | Unpaired:
         """The sighting of a pixel at this host instant, for an operator's click; the row is not considered.
 
-        ``sigma_px`` None: the sigma of a detection that brings none.
+        ``sigma_px`` None: the configured pixel noise, as for a detection without a sigma.
         """
         detection = Detection(u=u, v=v, sigma=None if sigma_px is None else (sigma_px, sigma_px))
         ray = self._rays.ray(detection)

@@ -13,14 +13,15 @@ from fwav_companion.pairing.timing import FrameTiming, RowClock
 from fwav_companion.types import Corners, Detection, Frame, Reason, StampClock, Unpaired
 
 MOST_DETECTIONS = 256
-"""Detections in one frame."""
+"""Most detections in one frame."""
 FUTURE_SLACK_NS = 5_000_000
 FUTURE_SIGMAS = 3.0
 """Largest time of a capture after the arrival: a fixed part, and sigmas of the clock."""
 LATEST_NS = 500_000_000
 """The reorder window: the age of a frame at its arrival beyond which it cannot be inserted."""
 MOST_ASSUMED_LATE_NS = 300_000_000
-"""Delay of a stamp, so of a recorded frame's assumed arrival, that leaves time for attitudes and reordering."""
+"""Largest delay of a stamp that delays a recorded frame's assumed arrival: it leaves time for attitudes and reordering.
+"""
 FRAMES_REMEMBERED = 256
 """Frames kept to detect duplicates: half a second of any camera."""
 
@@ -91,12 +92,14 @@ class Placement(msgspec.Struct, frozen=True, gc=False):
 
 
 class PictureRows(msgspec.Struct, frozen=True, gc=False):
-    """A frame of our own camera in time, whether or not it is paired."""
+    """The rows of a frame of the companion's own camera in time, whether or not it is paired."""
 
     timing: FrameTiming
+    """Capture of each row, clock of the stamp."""
     shift_ns: int
     """Host clock minus the clock of the stamp."""
     scaling: Scaling
+    """Scale to the pixels of the calibration."""
 
     def host_ns(self, v: float) -> HostNs:
         """Capture of a row of the calibration's image."""
@@ -109,7 +112,7 @@ class PictureRows(msgspec.Struct, frozen=True, gc=False):
 
 
 class FramePlacer:
-    """Places frames in time. It keeps their identities and lets the row clock learn the frame rate."""
+    """Places frames in time. It remembers frames to detect duplicates, and gives their stamps to the row clock."""
 
     __slots__ = ("_image_size", "_rows", "_seen")
 
@@ -141,7 +144,7 @@ class FramePlacer:
         """Assumed arrival of a recorded frame without ``received_unix``: its last capture, or its stamp if later."""
         captured_ns = self._timing_of(frame).latest_ns
         late_ns = max(0, frame.stamp_ns - captured_ns)
-        # A stamp later than any frame may come has a large time offset: such a frame is as fresh as another.
+        # A stamp later than any frame may arrive has a large time offset: such a frame is as fresh as any other.
         latest_ns = captured_ns + (late_ns if late_ns <= MOST_ASSUMED_LATE_NS else 0)
         if frame.stamp_clock is StampClock.BOOT:
             return clock.host_from_boot(BootNs(latest_ns))
@@ -202,7 +205,7 @@ def _untimely(capture_ns: HostNs, arrival_ns: HostNs, stamp_clock: StampClock, c
     early_ns = capture_ns - arrival_ns
     if -LATEST_NS <= early_ns <= FUTURE_SLACK_NS:
         return None
-    # Rare: the clock is evaluated only here. About a slip it is known worse at the capture than at the arrival.
+    # Rare, so the clock is evaluated only here. Near a slip its sigma is larger at the capture than at the arrival.
     sigma_s = max(clock.sigma_s_at(arrival_ns), clock.sigma_s_at(capture_ns))
     doubt_ns = FUTURE_SIGMAS * sigma_s * 1e9
     if early_ns > 0:

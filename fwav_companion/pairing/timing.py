@@ -21,9 +21,9 @@ INTERVAL_BEFORE_ANY_S = 1.0 / 30.0
 INTERVALS_KEPT = 61
 """Intervals of the median: odd, so that the median is one of them, and robust until half of them are gaps."""
 LATE_NS = 1 * NS_PER_S
-"""A stamp that lies behind the latest by up to this is a late frame's; by more, the stamps began again."""
+"""Largest time of a late frame's stamp before the latest stamp; beyond it, the stamps began again."""
 LONGEST_INTERVAL_NS = 60 * NS_PER_S
-"""Longest interval that counts: photographs; a longer one is a pause. The median bears many pauses."""
+"""Longest frame interval that is used: of photographs; a longer one is a pause. The median tolerates many pauses."""
 LONGEST_READOUT_S = 0.075
 """Longest readout that is assumed: the slowest known sensors, photo cameras of 24 x 36 mm with electronic shutters."""
 
@@ -46,7 +46,7 @@ class CameraTiming(msgspec.Struct, frozen=True, kw_only=True):
     stamp_rule: StampRule = StampRule.ROW0_MID
     """Event that a stamp marks."""
     exposure_s: float = 0.0
-    """Exposure of frames that bring none, seconds."""
+    """Exposure of frames that report none, seconds."""
 
 
 class FrameTiming(msgspec.Struct, frozen=True, gc=False):

@@ -15,7 +15,7 @@ LONGEST_WAIT_NS = 400_000_000
 LONGEST_AGE_NS = 430_000_000
 """Longest wait after the capture, unless that is below the least wait: lines are written 0.5 s after the capture."""
 MOST_WAITING = 64
-"""Frames in the queue: 150 ms at 400 frames/s, 400 ms at 160; a further frame releases the oldest at once."""
+"""Most frames in the queue: 150 ms at 400 frames/s, 400 ms at 160; a further frame releases the oldest at once."""
 
 
 class Waiting(msgspec.Struct, frozen=True):
@@ -29,7 +29,7 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class WaitingFrames:
-    """The queue; frames that are ready leave it in the order of their arrival."""
+    """Queue of frames that wait for attitudes. Ready frames leave it in the order of their arrival."""
 
     __slots__ = ("_frames",)
 
