@@ -58,8 +58,8 @@ HOPELESS = 100.0
 """Log-likelihood ratio to the best after the first round, beyond which a delay is dropped: linearization errors cost
 less than half of it by then."""
 ROUNDS = 2
-"""Rounds of trials over all kept measurements. The first ends within 3 ms of the delay, half a degree of a beat at 15
-Hz, the second within the noise."""
+"""Rounds of trials over all kept measurements. The first ends within 3 ms of the delay, half a degree of a beat at
+15 Hz, the second within the noise."""
 
 
 class FoundDelay(msgspec.Struct, frozen=True):

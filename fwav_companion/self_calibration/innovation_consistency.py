@@ -26,8 +26,8 @@ DOUBT = 4.0
 nothing."""
 EXPECTED = 8.0
 """Factor before any innovation, where the autopilot's roll and pitch have errors: these errors follow turns, and even
-constant ones turn in the body as it banks. Over 16 figure-eights each, the mean normalised squared error at 15
-s was 6.6 where headings wander and 0.8 where all errors are constant; with a factor of 1 it was 13 and 2.1."""
+constant ones turn in the body as it banks. Over 16 figure-eights each, the mean normalised squared error at
+15 s was 6.6 where headings wander and 0.8 where all errors are constant; with a factor of 1 it was 13 and 2.1."""
 COUNT, U, V = range(3)
 """Columns of ``blocks``: number of measurements, and sums of their whitened innovations in u and v."""
 EXCESS, BLOCKS = range(2)

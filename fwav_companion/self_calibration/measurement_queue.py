@@ -15,8 +15,8 @@ from fwav_companion.types import GroundFix
 BATCH_NS, MOST_SIGHTS = 200 * NS_PER_MS, 40
 """Time span and most fixes of the frames that form one batch: an update with a few fixes costs the same as with many.
 The vehicle's position error, if of the quick kind, moves by 0.03 m within a batch, a third of the noise of one report.
-With 0.3 s the delay on circles of ArduCopter's simulator was claimed a sixth too small, to 1.3 ms. The matrices
-of 40 fixes of ten targets are so small that OpenBLAS uses one thread for each, whatever the environment allows: with 60
+With 0.3 s the delay on circles of ArduCopter's simulator was claimed a sixth too small, to 1.3 ms. The matrices of
+40 fixes of ten targets are so small that OpenBLAS uses one thread for each, whatever the environment allows: with 60
 fixes, two threads took ten times the CPU of one."""
 SAMPLE_NS = 105 * NS_PER_MS
 """Time span of the frames that share one sample of the vehicle's path and of its slow rates, four at 30 frames/s:

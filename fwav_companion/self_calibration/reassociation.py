@@ -23,8 +23,8 @@ NEARER = 0.5
 other. Errors that all targets share move them by less than half of their separation, or they cannot be separated."""
 
 NEAR = 0.3
-"""Distance of two targets over the camera's height, from which their measurements are not exchanged: flapping of 5
-degrees, late by a quarter of a beat, displaces measurements by 0.1 of the height, and a wrong mount moves both."""
+"""Distance of two targets over the camera's height, from which their measurements are not exchanged: flapping of
+5 degrees, late by a quarter of a beat, displaces measurements by 0.1 of the height, and a wrong mount moves both."""
 
 
 class Trial(msgspec.Struct, frozen=True):

@@ -65,9 +65,9 @@ class Relinearization(msgspec.Struct, frozen=True):
     point: Array | None = None
     """Shared parameters (11) about which the last pass began."""
     places: dict[int, Array] = {}
-    """Apparent places (2) at the begin of the last pass of the targets near to one another, by track."""
+    """Apparent places (2) at the start of the last pass of the targets near to one another, by track."""
     shifts: tuple[Array, ...] = ()
-    """Changes (S, 3) of each kept batch's path by smoothing with later ones, at the begin of the last pass, m."""
+    """Changes (S, 3) of each kept batch's path by smoothing with later ones, at the start of the last pass, m."""
 
     def with_batch(self, batch: MeasurementBatch, kinds: Mapping[int, str] | None = None) -> Relinearization:
         """The passes after one more batch; with too many to keep, no further pass begins. ``kinds``: label by track."""
@@ -119,7 +119,7 @@ class Relinearization(msgspec.Struct, frozen=True):
     def _beginning(
         self, coming: FilterPass, point: Array, places: Mapping[int, Array], tracks: Collection[int]
     ) -> Relinearization:
-        """The passes with a new pass begun about a point. ``tracks``: the targets whose measurements it will use."""
+        """The passes with a new pass begun about a point. ``tracks``: its targets, to count measurements per target."""
         return msgspec.structs.replace(
             self,
             shifts=tuple(smoothed_back(self.kept)),
