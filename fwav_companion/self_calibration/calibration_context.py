@@ -19,6 +19,7 @@ from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filt
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch, measurement_batch
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.self_calibration.position_path import PositionPath, SmoothedReport
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
 DELAY_STEP_S = 0.015
@@ -32,7 +33,7 @@ rates errs by 0.006 degrees for a beat of 5 degrees at 5 Hz, and by 0.05 at 10 H
 
 
 class CalibrationContext:
-    """The constants: priors, hypotheses of the delay, the source of vehicle states; and the newest frame's fixes."""
+    """The constants: priors, hypotheses of the delay, the source of vehicle states; and what a frame computes once."""
 
     def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
         self.priors = priors
@@ -47,6 +48,7 @@ class CalibrationContext:
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
         self.delays = tuple(self.delay_s + i * DELAY_STEP_S for i in range(-steps, steps + 1))
         self._frame = FrameFixes((), state_at)
+        self._report: tuple[PositionPath, VehicleState, SmoothedReport | None] | None = None
 
     def without_kept(self) -> CalibrationContext:
         """The context without the calibration of an earlier flight."""
@@ -90,6 +92,12 @@ class CalibrationContext:
         if fix not in self._frame:
             self.expect([fix])
         return self._frame
+
+    def smoothed(self, path: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
+        """``path.report(vehicle)``, computed once for all targets without a fix in the frame."""
+        if self._report is None or self._report[0] is not path or self._report[1] is not vehicle:
+            self._report = (path, vehicle, path.report(vehicle, self.priors))
+        return self._report[2]
 
     def bank(self) -> FilterPass:
         """A pass with one hypothesis for each delay, each with a prior as wide as their interval."""

@@ -119,7 +119,8 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
         """
         placed, variance = self.placed(track), self.context.priors.position_noise_m**2
         all_noise = (ZERO3, (variance, variance, 0.0))  # noise of a report that no path leads to
-        return None if placed is None else placed.along_path(vehicle, self._smoothed(vehicle) or all_noise)
+        smoothed = self.context.smoothed(self.motion.path, vehicle)
+        return None if placed is None else placed.along_path(vehicle, smoothed or all_noise)
 
     def _smoothed(self, vehicle: VehicleState) -> SmoothedReport | None:
         return self.motion.path.report(vehicle, self.context.priors)
