@@ -11,6 +11,7 @@ from fwav_companion.telemetry import decoding
 from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
 from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS, AttitudeStamps
+from fwav_companion.telemetry.climb import ClimbCheck
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible
 from fwav_companion.telemetry.events import PitchTrimUndone, PositionJumped, StampDelay, TelemetryEvent
@@ -44,6 +45,7 @@ class Intake:
         self._position_delay_ns = ns_from_s(position_delay_s)
         self._trim = PitchTrim()
         self._jumps = PositionJumps()
+        self._climbs = ClimbCheck()
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
         self._trials = 0
@@ -119,12 +121,14 @@ class Intake:
             return self.refuse("GLOBAL_POSITION_INT")
         events = self._world.on_position(position)
         boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
-        heights = self._kept.heights[HeightSource.GLOBAL_POSITION_INT]
-        heights.insert(boot_ns, (position.height_above_home_m,), (-position.velocity_ned[2],))
+        (v_north, v_east, v_down), height_m = position.velocity_ned, position.height_above_home_m
+        climb_m_s = self._climbs.climb_at(boot_ns, height_m, -v_down)
+        velocity_ned = (v_north, v_east, -climb_m_s)
+        self._kept.heights[HeightSource.GLOBAL_POSITION_INT].insert(boot_ns, (height_m,), (climb_m_s,))
         if self._world.plane is not None and position.place is not None:
             place_ned = self._world.plane.ned_from_geodetic(position.place)
-            self._kept.positions.insert(boot_ns, place_ned, position.velocity_ned)
-            jump = self._jumps.on_position(boot_ns, place_ned, position.velocity_ned)
+            self._kept.positions.insert(boot_ns, place_ned, velocity_ned)
+            jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
             if jump is not None:
                 self._kept.jumped(boot_ns)
                 return (*events, PositionJumped(boot_ns, *jump))
