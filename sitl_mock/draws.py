@@ -10,6 +10,8 @@ from sitl_mock.option_types import PositionShift
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector
 
+LONGEST_READOUT_S = 0.075
+"""Readout of the slowest sensors: photo cameras of 24 x 36 mm with electronic shutters."""
 GRID_PARTS = 60
 """Grid steps per time constant: interpolation then loses less than one percent of a wander's variance."""
 
@@ -68,7 +70,7 @@ def _readout(options: Options) -> float:
         return options.biases.readout_s
     if options.camera.readout_s is not None:
         return options.camera.readout_s
-    return Random(f"{options.seed}/bias/readout").uniform(0.0, 1.0 / options.camera.fps)
+    return Random(f"{options.seed}/bias/readout").uniform(0.0, min(1.0 / options.camera.fps, LONGEST_READOUT_S))
 
 
 def wander_time_s(options: Options) -> float:

@@ -69,7 +69,8 @@ class Biases:
     lever_arm_m: Triple | None = None
     """True camera position in the body minus camera.position_m."""
     readout_s: float | None = None
-    """True readout time; None: camera.readout_s, and where that is None too, uniform over [0, frame interval]."""
+    """True readout time; None: camera.readout_s, and where that is None too, uniform over [0, frame interval], at most
+    75 ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
