@@ -31,7 +31,7 @@ from fwav_companion.self_calibration.posterior import (
     root_given,
     with_drift,
 )
-from fwav_companion.self_calibration.prior_inflation import prior_inflations
+from fwav_companion.self_calibration.prior_inflation import is_plausible, prior_inflations
 
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
@@ -109,8 +109,10 @@ def assessed(
     if delay_sigma_s <= DELAY_OBSERVABLE * _retained(before, SharedParameter.DELAY) * sigmas[SharedParameter.DELAY]:
         status, parameters[SharedParameter.DELAY] = CalibrationStatus.TIME, (delay_s, delay_sigma_s)
     mount_retained = _retained(before, SharedParameter.MOUNT_X)
-    drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
-    constant = drifts_little or (before is not None and before.constant and shown <= MOST_DRIFT * RETAINED)
+    plausible = is_plausible(joint, means, sigmas)
+    drifts_little = plausible and (bool(denied) or shown <= MOST_DRIFT * mount_retained)
+    drifted_little = before is not None and before.constant and shown <= MOST_DRIFT * RETAINED
+    constant = drifts_little or (plausible and drifted_little)
     if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
         status, keep = CalibrationStatus.CALIBRATED, _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}

@@ -13,6 +13,7 @@ from math import sqrt
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import PriorInflation, SharedParameter
 from fwav_companion.self_calibration.joint_filter import JointFilter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.posterior import MOUNT_AXES
 
 DENIED = 4.0
@@ -35,6 +36,16 @@ def prior_inflations(joint: JointFilter, means: Array, sigmas: Array) -> tuple[P
         left.remove(i)
         joint = joint.inflated(found[-1])
     return tuple(found)
+
+
+def is_plausible(joint: JointFilter, means: Array, sigmas: Array) -> bool:
+    """Whether the parameters without a test of their prior agree with it: no prior of theirs is widened.
+
+    A heading 20 degrees off, positions 0.4 s old or a camera half a metre aside of its place are no error of the
+    vehicle: the estimate has diverged. ``sigmas``: of the priors, the widened ones among them.
+    """
+    others = [i for i in range(SHARED_COUNT) if i not in TESTED and sigmas[i] > 0.0]
+    return all(_denial(joint, i, float(means[i]), float(sigmas[i])) <= DENIED for i in others)
 
 
 def _denial(joint: JointFilter, i: int, mean: float, sigma: float) -> float:

@@ -12,7 +12,7 @@ from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNoti
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
-from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
+from fwav_companion.self_calibration.prior_inflation import PriorInflation, is_plausible, prior_inflations
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode
 
@@ -203,3 +203,20 @@ def test_a_camera_that_was_not_moved_keeps_its_calibration(height_m):
     _, report = flown(Flight(seed=3, seconds=45, biases=biases, priors=priors(height=0.2)), kept)
     assert not report.replaced
     assert bool(report.denied) is bool(height_m)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "sigmas_off", "plausible"),
+    [
+        (SharedParameter.HEADING, 3.0, True),
+        (SharedParameter.HEADING, 10.0, False),
+        (SharedParameter.HEADING, -10.0, False),
+        (SharedParameter.HEIGHT, 10.0, True),  # its prior is tested, and widened
+    ],
+)
+def test_an_estimate_that_no_wider_prior_explains_has_diverged(parameter, sigmas_off, plausible):
+    joint = found_as(0.0, 0.1)
+    mean, cov = joint.mean.copy(), joint.cov.copy()
+    mean[0, parameter], cov[0, parameter, parameter] = sigmas_off * SIGMAS[parameter], (0.3 * SIGMAS[parameter]) ** 2
+    joint = msgspec.structs.replace(joint, mean=mean, cov=cov)
+    assert is_plausible(joint, MEANS, SIGMAS) is plausible
