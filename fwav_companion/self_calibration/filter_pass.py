@@ -9,12 +9,14 @@ import msgspec
 import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
+from fwav_companion.self_calibration.baseline import Baseline
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch, joined
 from fwav_companion.self_calibration.pixel_innovations import PixelInnovations, innovations
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, camera_pose
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.types import Bias
 
 FIRST_MEASUREMENTS = 8
 """Measurements before a target joins the estimate: its linearization point is their median, because a single first
@@ -54,6 +56,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     first_ns: int | None = None
     last_ns: int = 0
     """Captures of the first and of the newest batch, host clock."""
+    baseline: Baseline = Baseline()
     drift: InnovationConsistency | None = None
     """Consistency of the used innovations; None in a search, where the linearization point does not follow the mean."""
 
@@ -113,9 +116,13 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
     def fed(self, batch: MeasurementBatch) -> FilterPass:
         """The pass after one more batch."""
+        baseline, joint = self.baseline.with_batch(batch), self.joint.predict(batch.host_ns)
+        if not joint.shows_height and baseline.shows_height(joint.priors.sigma(Bias.POSITION_NORTH)):
+            joint = msgspec.structs.replace(joint, shows_height=True)
         after = msgspec.structs.replace(
             self,
-            joint=self.joint.predict(batch.host_ns),
+            joint=joint,
+            baseline=baseline,
             frames=self.frames + batch.frames,
             sights=self.sights + len(batch.tracks),
             first_ns=batch.host_ns if self.first_ns is None else self.first_ns,

@@ -58,6 +58,8 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
     tracks: tuple[int, ...]
     """The tracks of the targets, in the order of the state."""
     host_ns: int
+    shows_height: bool = False
+    """Whether the vehicle's path is long enough to show the height."""
 
     @property
     def first(self) -> int:
@@ -76,7 +78,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         for information: on circles of 3 m at 14 m the height diverged by 4 m, and the mount with it. Distances between
         three targets show the height without the position.
         """
-        return self.position.count > 0 and len(self.tracks) < ENOUGH_TARGETS
+        return self.position.count > 0 and not (self.shows_height and len(self.tracks) >= ENOUGH_TARGETS)
 
     @property
     def moving(self) -> slice:

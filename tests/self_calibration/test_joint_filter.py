@@ -93,19 +93,21 @@ def test_one_batch_is_as_good_as_one_measurement_after_another():
     assert total == pytest.approx(score[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("enough", [3, 4])
-def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, monkeypatch):
+@pytest.mark.parametrize(("enough", "shows_height"), [(3, True), (4, True), (3, False)])
+def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, shows_height, monkeypatch):
     """K = P H' inv(S) with a row of zero for a considered height, and the covariance in Joseph's form."""
     monkeypatch.setattr(joint_filter_module, "ENOUGH_TARGETS", enough)
     batch = a_frame()
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
-    assert joint.considers_height is (enough == 4)
+    joint = msgspec.structs.replace(joint, shows_height=shows_height)
+    estimated = enough == 3 and shows_height
+    assert joint.considers_height is not estimated
     seen = innovations(joint, batch)
     after, *_ = joint.update(seen, seen.valid)
     rows, cov = seen.rows[0], joint.cov[0]
     noise = seen.cov[0] - rows @ cov @ rows.T
     gain = cov @ rows.T @ np.linalg.inv(seen.cov[0])
-    gain[5] *= enough == 3
+    gain[5] *= estimated
     keep = np.eye(len(cov)) - gain @ rows
     assert after.mean[0] == pytest.approx(joint.mean[0] + gain @ seen.difference[0], rel=1e-9, abs=1e-12)
     assert after.cov[0] == pytest.approx(keep @ cov @ keep.T + gain @ noise @ gain.T, rel=1e-6, abs=1e-10)

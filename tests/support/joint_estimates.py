@@ -47,4 +47,5 @@ def joint_with(places, rng, hypotheses=1):
         cov=np.tile(root @ root.T, (hypotheses, 1, 1)),
         linearization_point=np.tile(np.append(ELSEWHERE[0], places.ravel() + 0.05), (hypotheses, 1)),
         tracks=TRACKS,
+        shows_height=True,
     )
