@@ -16,7 +16,7 @@ CUT_PX = 1.0
 """Distance from the image's edge, px, within which a box is cut off by it: detectors clip boxes to the image, in whole
 pixels."""
 HALVINGS = 20
-"""Bisections of the angle to the nadir, at most 90 degrees: to 1e-4 degrees, a twentieth of a pixel at 600 px/rad."""
+"""Bisections of the angle to the nadir, at most 90 degrees: to 1e-4 degrees, a thousandth of a pixel at 600 px/rad."""
 
 
 SAME_PX = 0.5

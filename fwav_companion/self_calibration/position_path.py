@@ -15,7 +15,7 @@ TELEMETRY_STEP_S = 0.1
 """Interval of height and position, s: they arrive at 10 Hz and are interpolated. Frames that come faster share their
 noise, and also the noise of the attitudes where those come no faster than the frames."""
 VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
-"""Process noise of the position due to errors of reported velocities, m^2/s: 0.1 m/s, fresh in every report."""
+"""Process noise of the position due to errors of reported velocities, m^2/s: 0.05 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
 """Step of the position from which smoothing starts again, in sigmas, and a part of that sigma, m."""
 LONGEST_S = 2.0

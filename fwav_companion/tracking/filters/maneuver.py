@@ -24,12 +24,12 @@ exceeds once in 20 000 times."""
 TURNED = 9.0
 """Threshold of a turn of a moving target, same statistic: noise alone exceeds it once in 90 times, and inflating the
 covariance of a target that did not turn costs little. The error of a walker who stops, turns and walks on falls from
-0.36 m (at 20) to 0.24; that of a walker with the model's own random accelerations is 1.06 times the optimum (1.00; at 7
-it is 1.12)."""
+0.36 m (at 20) to 0.24; that of a walker with the model's own random accelerations is 1.06 times the optimum (1.00 at
+20, 1.12 at 7)."""
 LAGS = 0.8
 """Share of the squared running mean in the variance of the position: until a turn is detected, the estimate lags by the
-mean. For the walker who turns, 96 % of the 95 % regions hold the truth (70 without, and at 20); those of a steady
-walker are 5 to 9 % wider."""
+mean. For the walker who turns, 96 % of the 95 % regions hold the truth (70 % without it, and with TURNED at 20); those
+of a steady walker are 5 to 9 % wider."""
 MOST_NIS = 28.0
 """Largest NIS of one innovation in the running mean: longer innovations are shortened to it (Huber 1964). A turn then
 needs two innovations at least; otherwise one beyond 5 sigma, which is a false detection, would show a turn alone."""

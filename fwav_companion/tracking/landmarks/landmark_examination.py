@@ -24,7 +24,7 @@ EstimateT = TypeVar("EstimateT", bound=LandmarkEstimate)
 
 LEFT_OUT = 30.0
 """Squared Mahalanobis distance of a landmark from its place by all else, beyond which it is left out. It is examined
-once a second, and a right landmark exceeds this once in three million."""
+once a second, and a right landmark exceeds this once in 700 000 (3 degrees of freedom)."""
 DOUBTED = 16.3
 """The same distance, beyond which a landmark is left out if it stays there and all others are clearly nearer: a right
 landmark exceeds it once in a thousand. Of three landmarks, one that is off by 0.4 m is named in 8 of 12 flights
