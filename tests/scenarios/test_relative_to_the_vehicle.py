@@ -2,11 +2,9 @@
 
 from functools import partial
 from statistics import mean, median
-from typing import Any
 
-import numpy as np
 import pytest
-from flying import Flight, fly
+from flying import fly
 from kept import kept
 
 from sitl_mock import scenario
@@ -15,26 +13,13 @@ SETTINGS = ("camera.readout_s=0", "uncertainty.pixel_noise_px=1.5")
 LATE = "camera.time_offset_s=0.04"
 
 
-def seen_at_s(flight: Flight, line: dict[str, Any]) -> float:
-    """Time of flight of a line, seconds."""
-    return flight.mock.flight_s(round(line["time_unix"] * 1e9) - flight.companion.unix_offset_ns)
-
-
-def relative_error(flight: Flight, line: dict[str, Any]) -> tuple[float, float]:
-    """Error of a line's place relative to the vehicle, of the nearest target, metres, and its normalised square."""
-    at_s, relative = seen_at_s(flight, line), line["relative"]
-    place = np.array((relative["north"], relative["east"])) + np.array(flight.mock.flight.at(at_s).position)[:2]
-    error = min((place - target.at(at_s)[:2] for target in flight.mock.scene), key=lambda off: float(np.hypot(*off)))
-    return float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(relative["cov"])[:2, :2], error))
-
-
 def relative_errors(name: str, settings: tuple[str, ...], from_s: float, seed: int) -> list[tuple[float, float]]:
     """Errors relative to the vehicle, metres, and their normalised squares, of all fixes after a time of flight."""
     flight = fly(scenario(name).but({"seed": seed}), SETTINGS + settings)
     lines = [
         line for line in flight.companion.targets("pad") if line["state"] == "confirmed" and line["fix"] is not None
     ]
-    return [relative_error(flight, line) for line in lines if seen_at_s(flight, line) >= from_s]
+    return [flight.relative_error(line) for line in lines if flight.seen_at_s(line) >= from_s]
 
 
 def flights(name: str, settings: tuple[str, ...], from_s: float, number: int = 12) -> list[list[tuple[float, float]]]:
@@ -113,7 +98,7 @@ def squares_about_gaps(settings: tuple[str, ...], wander: str, seed: int) -> tup
     for line in flight.companion.lines:
         if line["type"] != "target" or line["state"] not in ("confirmed", "coasting"):
             continue
-        at_s = seen_at_s(flight, line)
+        at_s = flight.seen_at_s(line)
         since_s = at_s - seen_s.setdefault(line["track"], at_s)
         if line["fix"] is not None:
             seen_s[line["track"]] = at_s
@@ -121,7 +106,7 @@ def squares_about_gaps(settings: tuple[str, ...], wander: str, seed: int) -> tup
                 gap_s[line["track"]] = at_s
         if at_s < 20.0:
             continue
-        _, square = relative_error(flight, line)
+        _, square = flight.relative_error(line)
         if line["fix"] is None and since_s > GAP_S:
             unseen.append(square)
         elif line["fix"] is not None and at_s - gap_s.get(line["track"], -GAP_S) < SOON_S:
@@ -154,8 +139,8 @@ def test_a_frame_that_misses_a_calibrated_target_is_hardly_worse_than_one_that_s
     flight = fly(scenario("three_targets").but({"seed": seed}), (*EIGHTS, "tracking.self_calibration=true"))
     shown, missed = list[float](), list[float]()
     for line in flight.companion.lines:
-        if line["type"] == "target" and line["state"] == "confirmed" and seen_at_s(flight, line) > 20.0:
-            off_m, _ = relative_error(flight, line)
+        if line["type"] == "target" and line["state"] == "confirmed" and flight.seen_at_s(line) > 20.0:
+            off_m, _ = flight.relative_error(line)
             (missed if line["fix"] is None else shown).append(off_m**2)
     assert len(missed) > 100
     assert mean(missed) < 1.5**2 * mean(shown)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
+import numpy as np
 from configured_links import AUTOPILOT
 from kept import kept
 
@@ -198,9 +199,19 @@ class Flight:
 
     def error_m(self, line: Line, index: int = 0) -> float:
         """Horizontal distance of a target line to where the target was when the frame was captured."""
-        host_ns = round((line["time_unix"]) * 1e9) - self.companion.unix_offset_ns
-        true = self.mock.scene[index].at(self.mock.flight_s(host_ns))
+        true = self.mock.scene[index].at(self.seen_at_s(line))
         return hypot(line["north"] - true[0], line["east"] - true[1])
+
+    def seen_at_s(self, line: Line) -> float:
+        """Time of flight of a line, seconds."""
+        return self.mock.flight_s(round(line["time_unix"] * 1e9) - self.companion.unix_offset_ns)
+
+    def relative_error(self, line: Line) -> tuple[float, float]:
+        """Error of a line's place relative to the vehicle, of the nearest target, metres, and its normalised square."""
+        at_s, relative = self.seen_at_s(line), line["relative"]
+        place = np.array((relative["north"], relative["east"])) + np.array(self.mock.flight.at(at_s).position)[:2]
+        error = min((place - target.at(at_s)[:2] for target in self.mock.scene), key=lambda off: float(np.hypot(*off)))
+        return float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(relative["cov"])[:2, :2], error))
 
 
 def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:
