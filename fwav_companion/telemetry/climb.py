@@ -23,16 +23,16 @@ SLOPE_S = 3.0
 """Time of the heights whose slope is taken: 0.3 m of noise at 10 Hz leaves 0.06 m/s."""
 MEMORY_S = 10.0
 """Time constant of the mean squares."""
-LEAST_DRIFT_M = 0.2
+LEAST_DRIFT_M = 0.3
 """Least root mean square of the drift of the integral from the heights over COMPARED_S, without noise, that contradicts
-the velocities: 0.27 m/s. Heights of autopilots wander less: by 0.4 m within ten seconds in PX4's simulator."""
-NOISE_FACTOR = 2.0
+the velocities: 0.4 m/s. In ArduCopter's simulator it is 0.05 m, in PX4's, whose altitude moves by 0.5 m, 0.17."""
+NOISE_FACTOR = 1.6
 """Bound of the mean square of the drift over that of the noise. By noise alone none of 200 flights exceeded it."""
-LEAST_COMPARED = 30
-"""Comparisons before a verdict: 3 s at 10 Hz."""
-HELD_S = 60.0
+LEAST_COMPARED = 50
+"""Comparisons before a verdict: 5 s at 10 Hz, in which the estimates of an autopilot settle that has just started."""
+HELD_S = 20.0
 """Time after a contradiction during which velocities are not used: the alias of a beat 0.01 Hz from the rate of
-positions is slow for 20 s before it climbs the other way."""
+positions is below 0.4 m/s for 10 s before it grows again with the other sign."""
 LONGEST_GAP_S = 1.0
 """Interval of two positions from which the comparison starts again."""
 MOST_KEPT = 256
