@@ -64,19 +64,12 @@ class Assessment(msgspec.Struct, frozen=True):
     """Whether a constant mount explains the flight: the innovations drift no more than with constant errors."""
     mount_known: float
     """Largest posterior sigma of the mount across the line of sight, in units of its prior sigma."""
-    posterior: tuple[Array, Array]
-    """Mean and covariance of the joint estimate, widened for contradicted priors and drifting innovations."""
+    position_delay_share: float
+    """Posterior mean square of the position delay over the variance of its configured prior; 1 without a prior."""
     known: KnownParameters
     """Shared parameters of the posterior, by which fixes are corrected."""
     places: dict[int, CalibratedPlace]
     """Places of the targets, by track."""
-
-    def position_delay_share(self, sigma_s: float) -> float:
-        """Posterior mean square of the position delay over the variance of its prior; ``sigma_s``: the prior sigma."""
-        if sigma_s == 0.0:
-            return 1.0
-        (mean, cov), i = self.posterior, SharedParameter.POSITION_DELAY
-        return float(mean[i] ** 2 + cov[i, i]) / sigma_s**2
 
 
 def assessed(
@@ -124,7 +117,7 @@ def assessed(
         denied=denied,
         constant=constant,
         mount_known=mount_known,
-        posterior=(mean, cov),
+        position_delay_share=_mean_square_share(mean, cov, priors[1], SharedParameter.POSITION_DELAY),
         known=known_parameters(mean, cov, joint.priors),
         places=calibrated_places(joint, (mean, cov), (means, sigmas)),
     )
@@ -145,6 +138,12 @@ def widened(sigmas: Array, denied: Collection[PriorInflation]) -> Array:
 
 def _estimate(mean: Array, cov: Array, i: int) -> tuple[float, float]:
     return float(mean[i]), float(np.sqrt(max(0.0, cov[i, i])))
+
+
+def _mean_square_share(mean: Array, cov: Array, sigmas: Array, i: int) -> float:
+    """Posterior mean square of a parameter over the variance of its prior; 1 where the prior has none."""
+    sigma = float(sigmas[i])
+    return 1.0 if sigma == 0.0 else float(mean[i] ** 2 + cov[i, i]) / sigma**2
 
 
 def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector3) -> float:

@@ -14,7 +14,6 @@ import msgspec
 
 from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, horizontal_sigma
 from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import RECENT_NS, StandingTargetState
 from fwav_companion.tracking.track_state import LiveTrack
@@ -92,8 +91,7 @@ def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState)
     """Horizontal covariance of an apparent place relative to the vehicle, m^2, with noise and delay of its report."""
     noise, (nn, ne, ee) = calibrator.context.priors.position_noise_m**2, placed.relative_cov
     if isinstance(own, StandingTargetState) and calibrator.assessment is not None and own.late:
-        sigma_s = float(calibrator.context.sigmas[SharedParameter.POSITION_DELAY])
-        late = own.report_lateness(calibrator.assessment.position_delay_share(sigma_s))
+        late = own.report_lateness(calibrator.assessment.position_delay_share)
         nn, ne, ee = nn + late[0], ne + late[1], ee + late[2]
     return (nn + noise, ne, ee + noise)
 

@@ -8,7 +8,6 @@ from handmade import a_fix, host_ns
 from scipy.stats import chi2
 from simulated_flight import priors
 
-from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.self_calibrated import place_cov
 from fwav_companion.types import BIAS_COUNT, Bias
@@ -58,10 +57,8 @@ def test_while_a_target_is_out_of_view_its_claim_holds_the_delay_of_the_report()
 def test_a_calibrated_place_is_claimed_with_the_delay_that_is_left(known):
     """The covariance lies along the course of the last fix."""
     state, _ = flown(np.random.default_rng(1))
-    left = SimpleNamespace(position_delay_share=lambda sigma_s: known * (sigma_s == DELAY_S))
-    sigmas = np.zeros(len(SharedParameter))
-    sigmas[SharedParameter.POSITION_DELAY] = DELAY_S
-    calibrator = SimpleNamespace(context=SimpleNamespace(priors=PRIORS, sigmas=sigmas), assessment=left)
+    left = SimpleNamespace(position_delay_share=known)
+    calibrator = SimpleNamespace(context=SimpleNamespace(priors=PRIORS), assessment=left)
     nn, ne, ee = place_cov(calibrator, SimpleNamespace(relative_cov=(0.02, 0.0, 0.03)), state)
     expected = np.diag([0.02, 0.03]) + POSITION_M**2 * np.eye(2)
     expected += known * DELAY_S**2 * np.outer(velocity(17.6), velocity(17.6))
