@@ -165,9 +165,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
 
     def without(self, tracks: Collection[int], kept: Sequence[MeasurementBatch]) -> DelaySearch:
         """The search without some targets. ``kept``: the kept batches, still with those targets."""
-        hypotheses = self.hypotheses
-        for track in sorted(tracks):
-            hypotheses = hypotheses.without(track)
+        hypotheses = self.hypotheses.without(tracks)
         left = sum(any(track not in tracks for track in batch.tracks) for batch in kept[: self.cursor])
         trials = tuple([trial.without(tracks) for trial in self.trials])
         return msgspec.structs.replace(self, hypotheses=hypotheses, trials=trials, cursor=left)

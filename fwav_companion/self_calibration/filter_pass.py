@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 
 import msgspec
@@ -104,10 +104,13 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
             hints={track: hint[i] for track, hint in self.hints.items()},
         )
 
-    def without(self, track: int) -> FilterPass:
-        """The pass without a target. Its contribution to the shared parameters stays."""
-        waiting = {each: batches for each, batches in self.waiting.items() if each != track}
-        return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
+    def without(self, tracks: Collection[int]) -> FilterPass:
+        """The pass without some targets. Their contribution to the shared parameters stays."""
+        joint = self.joint
+        for track in sorted(tracks):
+            joint = joint.without(track)
+        waiting = {track: batches for track, batches in self.waiting.items() if track not in tracks}
+        return msgspec.structs.replace(self, joint=joint, waiting=waiting)
 
     def predicted(self, host_ns: int) -> FilterPass:
         """The pass predicted to a later instant."""

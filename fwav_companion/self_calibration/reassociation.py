@@ -49,10 +49,8 @@ class Trial(msgspec.Struct, frozen=True):
 
     def without(self, tracks: Collection[int]) -> Trial:
         """The trial without some targets."""
-        estimate = self.estimate
-        for track in sorted(tracks):
-            estimate = estimate.without(track)
-        return Trial(estimate, {track: place for track, place in self.places.items() if track not in tracks})
+        places = {track: place for track, place in self.places.items() if track not in tracks}
+        return Trial(self.estimate.without(tracks), places)
 
 
 def near_places(places: Mapping[int, Array], kinds: Mapping[int, str], height_m: float) -> dict[int, Array]:

@@ -85,18 +85,14 @@ class Relinearization(msgspec.Struct, frozen=True):
     def only(self, alive: Collection[int]) -> Relinearization:
         """The passes without the tracks that ended, most of which were clutter."""
         gone = self.tracks.difference(alive)
-        served, coming = self.served, self.coming
-        for track in sorted(gone):
-            served = None if served is None else served.without(track)
-            coming = None if coming is None else coming.without(track)
         left = [batch.without(gone) for batch in self.kept]
         taken = sum(bool(batch.tracks) for batch in left[: self.cursor])
         kept = tuple(batch for batch in left if batch.tracks)
         shifts = tuple(shift for batch, shift in zip(left, self.shifts, strict=False) if batch.tracks)
         return msgspec.structs.replace(
             self,
-            served=served,
-            coming=coming,
+            served=None if self.served is None else self.served.without(gone),
+            coming=None if self.coming is None else self.coming.without(gone),
             kept=kept,
             shifts=shifts,
             cursor=taken,
