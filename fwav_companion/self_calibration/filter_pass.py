@@ -86,11 +86,6 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         spanned_ns = self.last_ns - (self.first_ns or 0)
         return self.frames > 1 and spanned_ns >= PHOTOGRAPH_NS * (self.frames - 1)
 
-    @property
-    def taken(self) -> int:
-        """Measurements that were used or refused."""
-        return int((self.used + self.refused).max())
-
     def take(self, hypotheses: Sequence[int]) -> FilterPass:
         """The pass with some of the hypotheses."""
         i = list(hypotheses)

@@ -24,8 +24,6 @@ class PixelInnovations(msgspec.Struct, frozen=True):
 
     difference: Array
     """(B, 2N), measured minus predicted, px; u and v alternate, as in every axis of 2N."""
-    rows: Array
-    """(B, 2N, n): H, sensitivities to the state."""
     crossed: Array
     """(B, 2N, n): H P."""
     cov: Array
@@ -47,7 +45,7 @@ def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations
     point, index = joint.linearization_point, [joint.tracks.index(track) for track in batch.tracks]
     places = point[:, SHARED_COUNT:].reshape(len(point), -1, 2)
     seen = predict(batch, places[:, index], point[:, :SHARED_COUNT])
-    rows = _rows(joint, seen, index)
+    rows = state_rows(joint, seen, index)
     difference = seen.residual - (rows @ _off_point(joint)[:, :, None]).reshape(seen.residual.shape)
     crossed = rows @ joint.cov
     common = common_noise(batch, seen.rows, joint.priors)
@@ -56,7 +54,6 @@ def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations
     gained = np.abs(seen.residual) - np.abs(difference)
     return PixelInnovations(
         difference=difference.reshape(len(point), -1),
-        rows=rows,
         crossed=crossed,
         cov=cov,
         common=common,
@@ -67,8 +64,8 @@ def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations
     )
 
 
-def _rows(joint: JointFilter, seen: PredictedPixels, index: Sequence[int]) -> Array:
-    """(B, 2N, n) rows of the whole state. ``index``: the target of each measurement.
+def state_rows(joint: JointFilter, seen: PredictedPixels, index: Sequence[int]) -> Array:
+    """(B, 2N, n): H, sensitivities to the state. ``index``: the target of each measurement.
 
     An apparent place moves with its target and with the vehicle's position error alike.
     """

@@ -13,7 +13,6 @@ from math import exp, log
 
 from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import diagonal
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.filters.base import SharedInnovation
 from fwav_companion.tracking.filters.bias_estimate import BiasEstimate
@@ -32,7 +31,8 @@ seen, north and east. Each frame begins with their priors."""
 class CommonBiases(BiasEstimate, frozen=True, gc=False):
     """Estimate of the shared biases by the innovations of all targets. Immutable."""
 
-    host_ns: HostNs
+    host_ns: HostNs = HostNs(0)
+    """Instant of the estimate; priors are the same at every instant."""
 
     def predict(self, host_ns: HostNs) -> CommonBiases:
         """The biases at a later instant."""
@@ -44,10 +44,6 @@ class CommonBiases(BiasEstimate, frozen=True, gc=False):
         (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise_cov
         seen = self.residual(innovation)
         return GateResult(seen.nis, log(seen.area2 / (f_nn * f_ee - f_ne * f_ne)))
-
-    def learned(self, innovation: SharedInnovation) -> CommonBiases:
-        """The biases after one more innovation."""
-        return self.update(self.residual(innovation))
 
 
 class JointGate:
@@ -89,7 +85,8 @@ class JointGate:
         now = self._known(innovation, fix)
         seen = now.residual(innovation)
         if not steady:
-            self.biases = (self.biases or now).learned(innovation)
+            before = self.biases or now
+            self.biases = before.update(before.residual(innovation))
         elif seen.nis > GATE:
             self.biases = self._now = None
             now = self._known(innovation, fix)
@@ -105,13 +102,6 @@ class JointGate:
     def _known(self, innovation: SharedInnovation, fix: GroundFix) -> CommonBiases:
         """The biases at the instant of the fix, after the pairs learned so far."""
         if self._now is None:
-            host_ns = fix.sighting.frame_host_ns
-            if self.biases is None:
-                self.biases = unknown_biases(len(innovation.shared[0]), host_ns)
-            self._now = self.biases = self.biases.predict(host_ns)
+            before = self.biases or CommonBiases.prior(len(innovation.shared[0]))
+            self._now = self.biases = before.predict(fix.sighting.frame_host_ns)
         return self._now
-
-
-def unknown_biases(count: int, host_ns: HostNs) -> CommonBiases:
-    """Biases at their priors."""
-    return CommonBiases((0.0,) * count, diagonal((1.0,) * count), host_ns)

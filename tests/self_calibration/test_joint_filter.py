@@ -4,7 +4,6 @@ import msgspec
 import numpy as np
 import pytest
 from joint_estimates import (
-    ELSEWHERE,
     FIRST,
     POSITION,
     PRIORS,
@@ -24,7 +23,7 @@ from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.measurement_batch import joined, measurement_batch
 from fwav_companion.self_calibration.measurement_queue import MOST_SIGHTS
-from fwav_companion.self_calibration.pixel_innovations import innovations
+from fwav_companion.self_calibration.pixel_innovations import innovations, state_rows
 from fwav_companion.self_calibration.pixel_measurement import DELAY, SHARED_COUNT, camera_pose, common_noise, predict
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
@@ -47,6 +46,16 @@ def a_frame():
         fixes.append((track, msgspec.structs.replace(fix, sighting=sighting)))
     states = [each.sighting.state for _, each in fixes]
     return measurement_batch(fixes, delayed_poses(states, (-0.015, 0.0, 0.015), world.state_at), (0.1,) * 3)
+
+
+def predicted_at_point(joint, batch):
+    """The pixels of the three targets of a frame, predicted at the linearization point."""
+    point = joint.linearization_point
+    return predict(batch, point[:, SHARED_COUNT:].reshape(1, 3, 2), point[:, :SHARED_COUNT])
+
+
+def rows_at_point(joint, batch):
+    return state_rows(joint, predicted_at_point(joint, batch), range(3))
 
 
 def test_a_prediction_depends_on_its_own_measurement_alone():
@@ -104,7 +113,7 @@ def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, shows_height, mo
     assert joint.considers_height is not estimated
     seen = innovations(joint, batch)
     after, *_ = joint.update(seen, seen.valid)
-    rows, cov = seen.rows[0], joint.cov[0]
+    rows, cov = rows_at_point(joint, batch)[0], joint.cov[0]
     noise = seen.cov[0] - rows @ cov @ rows.T
     gain = cov @ rows.T @ np.linalg.inv(seen.cov[0])
     gain[5] *= estimated
@@ -118,9 +127,9 @@ def test_targets_of_one_frame_share_the_noise_of_its_telemetry():
     batch = a_frame()
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
     seen = innovations(joint, batch)
-    noise = seen.cov[0] - seen.rows[0] @ joint.cov[0] @ seen.rows[0].T
-    targets = joint.linearization_point[:, SHARED_COUNT:].reshape(1, 3, 2)
-    common = common_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
+    rows = rows_at_point(joint, batch)[0]
+    noise = seen.cov[0] - rows @ joint.cov[0] @ rows.T
+    common = common_noise(batch, predicted_at_point(joint, batch).rows, PRIORS)
     assert noise[0, 2] == pytest.approx(common[0, 0, 0] @ common[0, 1, 0], rel=1e-6)
     assert abs(noise[0, 2]) > 0.0
 

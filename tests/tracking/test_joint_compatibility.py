@@ -86,7 +86,7 @@ def an_innovation(rng, count=3):
 
 def test_the_biases_are_those_of_a_kalman_filter():
     rng = np.random.default_rng(3)
-    biases = CommonBiases((0.0,) * 3, tuple(map(tuple, np.eye(3))), host_ns(0.0))
+    biases = CommonBiases.prior(3)
     mean, cov = np.zeros(3), np.eye(3)
     for _ in range(4):
         found = an_innovation(rng)
@@ -97,15 +97,16 @@ def test_the_biases_are_those_of_a_kalman_filter():
         nis = biases.gate(found, a_fix(0.0, (0.0, 0.0, 0.0))).nis
         assert nis == pytest.approx(rest @ np.linalg.solve(expected, rest))
         gain = cov @ d.T @ np.linalg.inv(expected)
-        mean, cov, biases = mean + gain @ rest, cov - gain @ d @ cov, biases.learned(found)
+        mean, cov = mean + gain @ rest, cov - gain @ d @ cov
+        biases = biases.update(biases.residual(found))
         assert biases.mean == pytest.approx(mean)
         assert np.array(biases.cov) == pytest.approx(cov)
 
 
 def test_biases_return_to_their_priors_and_wander_does_at_once():
     rng = np.random.default_rng(4)
-    unknown = CommonBiases((0.0,) * 4, tuple(map(tuple, np.eye(4))), host_ns(0.0))
-    known = unknown.learned(an_innovation(rng, 4))
+    unknown = CommonBiases.prior(4).predict(host_ns(0.0))
+    known = unknown.update(unknown.residual(an_innovation(rng, 4)))
     soon, late = known.predict(host_ns(1e-3)), known.predict(host_ns(200.0))
     assert np.array(soon.cov)[:2, :2] == pytest.approx(np.array(known.cov)[:2, :2], rel=1e-3)
     assert soon.mean == pytest.approx([*known.mean[:2], 0.0, 0.0], rel=1e-3)

@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import block_diag, expm
 
-from fwav_companion.tracking.filters.position_wander import first_place, position_wander, wander_with_rates
+from fwav_companion.tracking.filters.position_wander import first_place, position_wander
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
-WANDER = wander_with_rates(1.5, (0.03, 0.2))
+WANDER = position_wander(1.5, (2.0 / 0.03, 2.0 / 0.2))
 """Two processes."""
 BIASES = 3
 SHOWS = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
@@ -98,7 +98,7 @@ def test_a_jump_frees_the_error_of_the_first_process_alone():
 def test_a_fresh_error_keeps_the_place_and_forgets_the_rest():
     rng = np.random.default_rng(9)
     state = updated(first_place(apparent(rng), WANDER), apparent(rng), 5.0)
-    other = wander_with_rates(0.02, (0.1,))
+    other = position_wander(0.02, (2.0 / 0.1,))
     fresh = state.with_fresh_error(other)
     assert tuple(mean(fresh.north)) == (state.north[0][0], 0.0, 0.0)
     assert tuple(mean(fresh.east)) == (state.east[0][0], 0.0, 0.0)
@@ -121,7 +121,7 @@ def test_the_apparent_place_moves_as_the_processes_do_and_at_least_as_a_smooth_e
         assert WANDER.apparent_noise(dt, 0.04, 0.0) == pytest.approx(first_order)
         mixed = 0.25 * max(moved, rate * 0.2 * dt) + 0.75 * first_order
         assert WANDER.apparent_noise(dt, 0.04, 0.25) == pytest.approx(mixed)
-    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0, 1.0) == 0.0
+    assert position_wander(0.0, (2.0 / 0.1,)).apparent_noise(5.0, 1.0, 1.0) == 0.0
 
 
 def test_the_integral_time_is_that_of_a_first_order_process():

@@ -53,6 +53,11 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
     mean: Row
     cov: tuple[Row, ...]
 
+    @classmethod
+    def prior(cls, count: int) -> Self:
+        """The estimate before any innovation: the priors."""
+        return cls((0.0,) * count, diagonal((1.0,) * count))
+
     def decayed(self, left: Sequence[float]) -> Self:
         """The estimate after each bias has decayed towards its prior; ``left``: the share of each that remains."""
         shares = zip(left, self.cov, strict=True)
@@ -81,8 +86,3 @@ class BiasEstimate(msgspec.Struct, frozen=True, gc=False):
             for row, (k_n, k_e) in zip(self.cov, gains, strict=True)
         ]
         return replace(self, mean=tuple(mean), cov=tuple(cov))
-
-
-def prior_biases(count: int) -> BiasEstimate:
-    """The estimate before any innovation: the priors."""
-    return BiasEstimate((0.0,) * count, diagonal((1.0,) * count))

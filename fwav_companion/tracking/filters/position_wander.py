@@ -84,15 +84,11 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
 
 def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
     """The model with this sigma; each process has the integral time of a first-order one with its time constant."""
-    return wander_with_rates(sigma_m, [2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s])
-
-
-def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
-    """The model with this sigma and these angular frequencies, 1/s."""
+    rates = tuple([2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s])
     each = sigma_m**2 / len(rates)
     return PositionWander(
         sigma_m,
-        tuple(rates),
+        rates,
         variance_each=each,
         rms_rate=sqrt(sum(rate * rate for rate in rates) / len(rates)),
         quick_density=each * sum(rates),

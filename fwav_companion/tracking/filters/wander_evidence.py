@@ -23,7 +23,7 @@ from msgspec.structs import replace
 from fwav_companion.geometry.small_matrices import gram
 from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.tracking.filters.base import SharedInnovation
-from fwav_companion.tracking.filters.bias_estimate import BiasEstimate, prior_biases
+from fwav_companion.tracking.filters.bias_estimate import BiasEstimate
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
 STEP_S = 1.0
@@ -80,7 +80,7 @@ class WanderEvidence(msgspec.Struct, frozen=True, gc=False):
         (oldest, _), (middle, last_s), (newest, interval_s) = means
         ratio = interval_s / last_s
         innovation = _second_difference(newest, middle, oldest, ratio)
-        unknown = prior_biases(len(innovation.shared[0]))
+        unknown = BiasEstimate.prior(len(innovation.shared[0]))
         # Before the first second difference there is no interval; but priors do not decay in any interval.
         left = (exp(-s_from_ns(host_ns - self.until_ns) / BIAS_TIME_S),) * len(unknown.mean)
         smooth, quick = (self.smooth or unknown).decayed(left), (self.quick or unknown).decayed(left)
