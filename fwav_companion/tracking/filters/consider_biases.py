@@ -167,21 +167,16 @@ class ConsiderBiases:
             north[self.curved], east[self.curved] = delay_curvature(fix, self._used[self.curved][1])
         return _less_certain(measurement, (tuple(north), tuple(east), down), (nn, ne, ee), since_s)
 
-    def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
-        """The measurement with the error of its sensitivities added to its noise."""
-        (north, east, _), sensitive = measurement.shared, [i for i, _, _ in self._sensitive]
+    def at_own_ray(self, measurement: Measurement, fix: GroundFix, since_s: float) -> Measurement:
+        """The measurement of a fix with its own sensitivities: their error and the second-order effect of the time
+        offset are added as in :meth:`relinearized`.
+        """
+        (north, east, down), sensitive = measurement.shared, [i for i, _, _ in self._sensitive]
         by_sensitivities = gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
-        return _less_certain(measurement, measurement.shared, by_sensitivities, since_s)
-
-    def curved_by_delay(self, measurement: Measurement, fix: GroundFix) -> Measurement:
-        """The measurement of a fix with the second-order effect of the time offset in its rows."""
-        i = self.curved
-        if i is None:
-            return measurement
-        (north, east, down), (_, sigma_s) = measurement.shared, self._used[i]
-        n, e = delay_curvature(fix, sigma_s)
-        shared = ((*north[:i], n, *north[i + 1 :]), (*east[:i], e, *east[i + 1 :]), down)
-        return Measurement(measurement.position, measurement.noise, shared, measurement.gate)
+        if (i := self.curved) is not None:
+            n, e = delay_curvature(fix, self._used[i][1])
+            north, east = (*north[:i], n, *north[i + 1 :]), (*east[:i], e, *east[i + 1 :])
+        return _less_certain(measurement, (north, east, down), by_sensitivities, since_s)
 
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
         """Sensitivity of a measurement to the position delay; None where that has no prior."""

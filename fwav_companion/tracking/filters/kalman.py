@@ -84,8 +84,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
         if not is_level(fix):
-            curved = errors.curved_by_delay(measurement, fix)
-            return self.point, errors.with_sensitivity_noise(curved, since_s), measurement.noise
+            return self.point, errors.at_own_ray(measurement, fix, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
         height_m, priors = fix.drop_m, errors.priors
         point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=priors.height_noise_m)
@@ -109,8 +108,7 @@ class StaticKalman:
     def initiate(self, fix: GroundFix) -> StaticTargetState:
         """The state after the first fix: the fix itself."""
         model, host_ns = self.model, fix.sighting.frame_host_ns
-        measurement = model.errors.curved_by_delay(model.errors.prepared(fix), fix)
-        measurement = model.errors.with_sensitivity_noise(measurement, FIRST_SENSITIVITY_S)
+        measurement = model.errors.at_own_ray(model.errors.prepared(fix), fix, FIRST_SENSITIVITY_S)
         apparent, wander = first_point_estimate(measurement), model.wander_at(fix)
         return StaticTargetState(
             model=model,

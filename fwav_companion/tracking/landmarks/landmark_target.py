@@ -90,7 +90,7 @@ class LandmarkTargetState(StaticTargetState, frozen=True, kw_only=True, gc=False
             for _ in range(ITERATIONS):
                 joint = self.joint.update(self._by_direction(fix, joint.mean, FIRST_SENSITIVITY_S))
         else:
-            measurement = errors.with_sensitivity_noise(errors.prepared(fix), FIRST_SENSITIVITY_S)
+            measurement = errors.at_own_ray(errors.prepared(fix), fix, FIRST_SENSITIVITY_S)
             joint = joint.update(_on_the_ground(measurement, fix, self.landmarks.model))
         return replace(self, joint=joint, separation=_separation(joint, self.landmarks))
 
