@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 from fwav_companion.geometry.vectors import Vector3
@@ -10,7 +9,7 @@ from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
 from fwav_companion.tracking.joint_association import doubtful_fixes, jointly_gated, learn_decided
 from fwav_companion.tracking.joint_compatibility import JointGate
-from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs
+from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs, unambiguous_pairs
 from fwav_companion.types import GroundFix
 
 CONFIRMED_BONUS = 8.0
@@ -49,12 +48,12 @@ def associate(
 
 def _taken(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> dict[int, int]:
     """Fix index of each track that takes a fix, by candidate index."""
-    taken = dict(costs.keys())
-    if len(taken) == len(set(taken.values())) == len(costs):  # no track or fix has more than one partner
-        return taken
-    contested = _contested(costs)
+    alone = unambiguous_pairs(costs)  # taken: they cost less than a miss
+    if len(alone) == len(costs):
+        return alone
+    contested = {(i, j): cost for (i, j), cost in costs.items() if i not in alone}
     prior = _with_priority(_with_misses(contested, frame, could_see), frame)
-    return dict(sorted([*_assigned(prior).items(), *[pair for pair in costs if pair not in contested]]))
+    return dict(sorted([*_assigned(prior).items(), *alone.items()]))
 
 
 def _with_misses(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> Costs:
@@ -74,12 +73,6 @@ def _with_misses(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vecto
     }
 
 
-def _contested(costs: Costs) -> Costs:
-    """The costs of pairs whose track or fix has another partner. The rest are taken: they cost less than a miss."""
-    rows, columns = Counter([i for i, _ in costs]), Counter([j for _, j in costs])
-    return {(i, j): cost for (i, j), cost in costs.items() if rows[i] > 1 or columns[j] > 1}
-
-
 def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
     """The costs with priority for confirmed tracks.
 
@@ -89,8 +82,8 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
     or duplicates a target in three flights, the reward in none. One rule for both cases, the odds that a track exists
     and is detected, does so in one. It also does so in six of sixty flights over thirty targets, the handicap in four.
     """
-    confirmed = [candidate.confirmed for candidate in frame.candidates]
-    if frame.nonlinear:
+    confirmed, errors = [candidate.confirmed for candidate in frame.candidates], frame.shared_errors
+    if errors is not None and errors.nonlinear:
         return {(i, j): cost - CONFIRMED_BONUS * confirmed[i] for (i, j), cost in costs.items()}
     return {
         (i, j): cost if confirmed[i] else min(cost + CONFIRMED_BONUS, LAST * cost) for (i, j), cost in costs.items()

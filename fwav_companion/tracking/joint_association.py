@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Container, Mapping, Sequence
 
-from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.joint_compatibility import JointGate
-from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes
+from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, unambiguous_pairs
 
 SURE = -6.0
 """Largest cost of a pair that shows the common biases although its track is not steady: odds of 20 to 1."""
@@ -26,14 +25,12 @@ at most 31 pairs; 256 new targets over 50 by 36 m have a thousand."""
 def doubtful_fixes(costs: Costs, frame: TracksAndFixes) -> set[int]:
     """Indices of the fixes in doubt: those of pairs with a rival, and those that a track that is not steady may take.
 
-    There are none unless all tracks have sensitivities to the shared errors, and these errors act linearly.
+    There are none unless the tracks have sensitivities to the shared errors, and these errors act linearly.
     """
-    if not 2 <= len(costs) <= MOST_PAIRS or frame.nonlinear:
+    errors = frame.shared_errors
+    if errors is None or errors.nonlinear or not 2 <= len(costs) <= MOST_PAIRS:
         return set()
-    candidates = frame.candidates
-    if not all(isinstance(candidates[i].target, StandingTargetState) for i, _ in costs):
-        return set()
-    return _rivals(costs, frame) | {j for i, j in costs if not candidates[i].steady}
+    return _rivals(costs, frame) | {j for i, j in costs if not frame.candidates[i].steady}
 
 
 def jointly_gated(costs: Costs, frame: TracksAndFixes, joint: JointGate, doubtful: Container[int]) -> Costs:
@@ -95,6 +92,5 @@ def _rivals(costs: Costs, frame: TracksAndFixes) -> set[int]:
 
 def _unambiguous(costs: Costs, candidates: Sequence[Candidate]) -> list[tuple[int, int]]:
     """The pairs of confirmed tracks without another partner: those of steady tracks first, then by cost."""
-    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
-    alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
+    alone = [pair for pair in unambiguous_pairs(costs).items() if candidates[pair[0]].confirmed]
     return sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair]))

@@ -16,6 +16,7 @@ import msgspec
 from fwav_companion.tracking.clutter import Clutter
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
+from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
 from fwav_companion.tracking.filters.standing import StandingTargetState, gates_of
 from fwav_companion.types import GroundFix
@@ -51,10 +52,13 @@ class TracksAndFixes(msgspec.Struct, frozen=True):
     against: Clutter
 
     @property
-    def nonlinear(self) -> bool:
-        """Whether the wing beat displaces the fixes of each frame differently."""
+    def shared_errors(self) -> ConsiderBiases | None:
+        """Errors that all targets share; None where the filter gives no sensitivities to them.
+
+        Where they are nonlinear, the wing beat displaces the fixes of each frame differently.
+        """
         first = self.candidates[0].target
-        return isinstance(first, StandingTargetState) and first.nonlinear
+        return first.model.errors if isinstance(first, StandingTargetState) else None
 
     def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
         """The cost of candidate i with fix j, lower is better; None outside the gate.
@@ -118,16 +122,20 @@ def _costs(possible: Mapping[int, Sequence[int]], frame: TracksAndFixes) -> Cost
     return costs
 
 
+def unambiguous_pairs(costs: Costs) -> dict[int, int]:
+    """The pairs without another partner of track or fix, in the order of the costs: fix index by candidate index."""
+    rows, columns = Counter([i for i, _ in costs]), Counter([j for _, j in costs])
+    return {i: j for i, j in costs if rows[i] == columns[j] == 1}
+
+
 def _refined(costs: Costs, frame: TracksAndFixes) -> Costs:
     """The costs, by the self-calibrated prediction where a track or a fix has more than one partner."""
     if not [candidate for candidate in frame.candidates if candidate.refined is not None]:
         return costs
-    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
-    refined: Costs = {}
+    alone, refined = unambiguous_pairs(costs), Costs()
     for (i, j), coarse in costs.items():
         target = frame.candidates[i].refined
-        unambiguous = rows[i] == 1 and columns[j] == 1
-        cost = coarse if target is None or unambiguous else frame.cost(i, j, target.gate(frame.fixes[j]))
+        cost = coarse if target is None or i in alone else frame.cost(i, j, target.gate(frame.fixes[j]))
         if cost is not None:
             refined[i, j] = cost
     return refined

@@ -189,11 +189,6 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         errors = self.model.errors
         return gate_results(self.predicted, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
 
-    @property
-    def nonlinear(self) -> bool:
-        """Whether the time offset may displace fixes out of proportion to their sensitivities."""
-        return self.model.errors.nonlinear
-
     def innovation(self, fix: GroundFix) -> SharedInnovation:
         """The innovation of a fix at this instant. Its sensitivities include the scatter by the time offset.
 
