@@ -12,8 +12,8 @@ from fwav_companion.geometry.vectors import ZERO3, Vector3, add, dot, scale, sub
 from fwav_companion.types import ErrorPriors, VehicleState
 
 TELEMETRY_STEP_S = 0.1
-"""Interval of height and position, s: they arrive at 10 Hz and are interpolated. Frames that come faster share their
-noise, and also the noise of the attitudes where those come no faster than the frames."""
+"""Interval of height and position, s: they arrive at 10 Hz ([rates] position) and are interpolated. Frames that come
+faster share their noise, and also the noise of the attitudes where those come no faster than the frames."""
 VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
 """Process noise of the position due to errors of reported velocities, m^2/s: 0.05 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05

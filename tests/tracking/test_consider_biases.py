@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 from simulated_flight import priors
 
+from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S
 from fwav_companion.tracking.filters.consider_biases import (
     DOWN_FLOOR_M2,
     SENSITIVITY_SHARE,
@@ -15,7 +16,7 @@ from fwav_companion.tracking.filters.consider_biases import (
     turned_toward,
 )
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
-from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S, level_columns
+from fwav_companion.tracking.filters.linearization import SENSITIVE, level_columns
 from fwav_companion.types import BIAS_COUNT, Bias
 
 ALL = priors(

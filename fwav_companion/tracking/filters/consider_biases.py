@@ -17,8 +17,9 @@ import msgspec
 from fwav_companion.geometry.small_matrices import Row, Symmetric2, add_diagonal, add_outer, gram
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
+from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S
 from fwav_companion.tracking.filters.gates import widest_gate
-from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S, delay_curvature
+from fwav_companion.tracking.filters.linearization import SENSITIVE, delay_curvature
 from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix
 
 Rows: TypeAlias = tuple[Row, Row, Row]

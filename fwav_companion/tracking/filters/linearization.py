@@ -16,6 +16,7 @@ import msgspec
 from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.vectors import Vector3, combination
+from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S
 from fwav_companion.types import Bias, GroundFix
 
 MEAN_S = 0.7
@@ -29,8 +30,6 @@ LEAST_HEIGHT_SIGMA_M = 0.02
 """Smallest sigma of one height, metres: its resolution, and the level of the ground."""
 SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT, Bias.TARGET_HEIGHT)
 """Biases whose sensitivities contain the noise of the fix."""
-TELEMETRY_STEP_S = 0.1
-"""Interval of reported heights and positions, seconds ([rates] position = 10 Hz); they are interpolated in between."""
 SLOWEST = 1e-3
 """Smallest angular frequency of a swing, rad/s: a slower swing is as good as a constant acceleration."""
 

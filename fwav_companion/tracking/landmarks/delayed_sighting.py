@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.rotations import difference, matrix_from_quaternion
+from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, ns_from_s
-from fwav_companion.geometry.vectors import ZERO3, Vector3, add, multiply, scale, subtract, transform, transpose
+from fwav_companion.geometry.vectors import ZERO3, Vector3, add, multiply, subtract, transform, transpose
 from fwav_companion.self_calibration.delayed_poses import StateAt
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
+from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser, slow_rates
 from fwav_companion.types import GimbalAt, Sighting, Unpaired, VehicleState
 
 
@@ -62,7 +62,7 @@ class PoseHistory(msgspec.Struct, frozen=True):
         before = None if self.state_at is None else self.state_at(BootNs(state.boot_ns - ns_from_s(SPAN_S)))
         if before is None or isinstance(before, Unpaired):
             return ZERO3
-        return scale(difference(state.ned_from_carrier, before.ned_from_carrier), 1.0 / SPAN_S)
+        return slow_rates(before, state)
 
     def _denoised(self, sighting: Sighting) -> Sighting:
         """The sighting with the expected rates, given the reported rates."""

@@ -15,6 +15,7 @@ from fwav_companion.geometry.rotations import exp, matrix_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, norm, scale, subtract, transform
 from fwav_companion.self_calibration.arrays import Array, skew
+from fwav_companion.tracking.filters.consider_biases import SENSITIVITY_STEP_S
 from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting
 from fwav_companion.tracking.landmarks.joint_place import Correction
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
@@ -34,8 +35,6 @@ SENSITIVITY_SHARE = 0.03
 target 5 m from one landmark after 45 s, over 16 orbits, eights and hovers: 0.111, 0.093 and 0.207 m with 0.01, at mean
 normalised squares of 2.7, 2.1 and 2.5 (2 if consistent); 0.116, 0.090 and 0.178 m with 0.035, at 2.6, 1.9 and 2.0.
 By rates, without the pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
-SENSITIVITY_STEP_S = 6.0
-"""Twice the correlation time of that error, seconds: the error stays the same while the geometry does."""
 LEAST_DISTANCE_M = 0.3
 """Least distance at which sensitivities are taken, metres."""
 
