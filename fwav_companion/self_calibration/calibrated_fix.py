@@ -71,13 +71,13 @@ class KnownParameters(msgspec.Struct, frozen=True, gc=False):
         It uses the sensitivities at the stamps. They are right on average over a beat, but too small for a fix that is
         stamped where the wing turns back and was captured where it is fast.
         """
-        rows = _rows(fixes)
+        rows = bias_rows(fixes)
         claimed: list[list[list[float]]] = (rows @ self.cov @ rows.swapaxes(1, 2)).tolist()
         return claimed
 
     def linear(self, fix: GroundFix) -> tuple[float, float]:
         """North and east of a fix corrected by the parameters, to first order about the nominal capture."""
-        off_north, off_east = (_rows([fix])[0] @ self.mean).tolist()
+        off_north, off_east = (bias_rows([fix])[0] @ self.mean).tolist()
         return fix.position_ned[0] - off_north, fix.position_ned[1] - off_east
 
     def noise(self, fix: GroundFix, smoothed: SmoothedReport | None) -> Symmetric2:
@@ -109,6 +109,6 @@ def known_parameters(mean: Array, cov: Array, priors: ErrorPriors) -> KnownParam
     return KnownParameters(mean, cov, priors)
 
 
-def _rows(fixes: Sequence[GroundFix]) -> Array:
+def bias_rows(fixes: Sequence[GroundFix]) -> Array:
     """(N, 2, 11) sensitivities of fixes to the biases that are the shared parameters."""
     return np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2)

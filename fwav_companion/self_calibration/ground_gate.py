@@ -13,7 +13,7 @@ from math import inf, isnan
 import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.calibrated_fix import BIASES_OF, SIGNS
+from fwav_companion.self_calibration.calibrated_fix import SIGNS, bias_rows
 from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.self_calibration.ground_points import GATE_KNOT_NS, GroundPoints
 from fwav_companion.self_calibration.joint_filter import JointFilter
@@ -30,7 +30,8 @@ class GroundGate:
         points = GroundPoints(joint.mean[0, :SHARED_COUNT].tolist(), fixes[0].sighting, state_at, GATE_KNOT_NS)
         off = np.array([points.of(fix) for fix in fixes]) - joint.apparent[0].reshape(-1, 1, 2)
         noise = np.array([fix.noise_cov for fix in fixes])[:, :2, :2]
-        spread = _spread(noise, _rows(fixes), joint.apparent_cov)
+        rows = bias_rows(fixes) * SIGNS  # negative sensitivities of the points to the shared parameters
+        spread = _spread(noise, rows, joint.apparent_cov)
         nowhere = np.isinf(off).any(-1)  # infinite terms of both signs would sum to NaN, which means not known
         off[nowhere] = 0.0
         nis, determinant = two_by_two(off, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
@@ -44,11 +45,6 @@ class GroundGate:
         """
         nis = self._nis[place][index]
         return None if isnan(nis) else GateResult(nis, self._log_det[place][index])
-
-
-def _rows(fixes: Sequence[GroundFix]) -> Array:
-    """(N, 2, 11) negative sensitivities of ground points to the shared parameters."""
-    return np.asarray(np.array([BIASES_OF(fix.bias_jacobian) for fix in fixes])[..., :2].swapaxes(1, 2) * SIGNS)
 
 
 def _spread(noise: Array, rows: Array, cov: Array) -> Array:
