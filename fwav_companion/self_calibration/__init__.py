@@ -7,16 +7,15 @@ Heading, position delay and lever arm are hardly separable from the mount: they 
 The error of the vehicle's position is estimated as it wanders; the height is then a consider parameter, until three
 targets show it.
 
-Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only if self-calibration is
-switched on.
+Pure. In numpy, except for ``calibration_report`` and ``position_path``: the daemon imports the other modules only if
+self-calibration is switched on.
 Reading order: ``delayed_poses``, ``measurement_batch``, ``pixel_measurement``, ``position_path``, ``rate_denoiser``,
-``vehicle_motion``, ``position_smoother`` (the measurement);
-``position_error``, ``pixel_innovations``, ``joint_filter``, ``ground_points``, ``ground_gate``, ``filter_pass``,
-``delay_search``, ``reassociation``, ``relinearization`` (the estimate);
+``vehicle_motion`` (the measurement); ``position_error``, ``pixel_innovations``, ``joint_filter``, ``ground_points``,
+``baseline``, ``filter_pass``, ``delay_search``, ``reassociation``, ``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``calibrated_fix``, ``calibrated_places``,
-``assessment`` (its assessment); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that
-is wrong altogether); ``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``mean_axes``,
-``calibration_state``, ``present_report``, ``calibrator``. ``arrays`` has the vector algebra of all modules.
+``assessment`` (its assessment); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that is wrong
+altogether); ``measurement_queue``, ``frame_fixes``, ``calibration_context``, ``mean_axes``, ``calibration_state``,
+``present_report``, ``calibrator``. ``arrays`` has the vector algebra of all modules.
 """
 
 from fwav_companion.self_calibration.calibration_report import (

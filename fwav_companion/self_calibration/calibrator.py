@@ -34,9 +34,9 @@ from fwav_companion.self_calibration.measurement_queue import (
     Frames,
     samples_of,
 )
-from fwav_companion.self_calibration.position_smoother import in_motion
 from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.relinearization import STEP, steps_within
+from fwav_companion.self_calibration.vehicle_motion import in_motion
 from fwav_companion.types import GroundFix
 
 MOST_TARGETS = 30

@@ -18,8 +18,8 @@ from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
-from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.reassociation import near_places, reassociated
+from fwav_companion.self_calibration.vehicle_motion import moved, smoothed_back
 
 MOST_KEPT = 1200
 """Most frames that are kept: 40 s at 30 frames/s, 1 megabyte for one target and 5 for ten. They settle the

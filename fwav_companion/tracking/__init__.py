@@ -1,11 +1,10 @@
 """Tracking: ground fixes become targets, by filters, association, a track life cycle, and reordering of late frames.
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``; ``filters`` (one target);
-``detector_model``, ``lifecycle``, ``track_state``, ``visibility``, ``self_calibrated`` (one track); ``clutter``,
-``coarse_gate``, ``pair_costs``, ``assignment``, ``joint_compatibility``, ``joint_association``, ``association`` (tracks
-and fixes); ``displacement``, ``reacquisition``, ``new_tracks``, ``track_merging``, ``frame_association``,
-``frame_update``, ``snapshot``, ``tracker`` (many targets); ``filter_factory``, ``reorder``; ``landmarks``;
-``bias_shares`` (error budget of a target, for studies).
+``detector_model``, ``lifecycle``, ``track_state``, ``self_calibrated`` (one track); ``clutter``, ``coarse_gate``,
+``pair_costs``, ``assignment``, ``joint_compatibility``, ``joint_association``, ``association`` (tracks and fixes);
+``reacquisition``, ``new_tracks``, ``track_merging``, ``frame_association``, ``frame_update``, ``snapshot``, ``tracker``
+(many targets); ``filter_factory``, ``reorder``; ``landmarks``; ``bias_shares`` (error budget of a target, for studies).
 """
 
 from fwav_companion.tracking.bias_shares import bias_shares

@@ -1,20 +1,55 @@
-"""Update of the live tracks by one frame: each track is detected, missed, or out of view."""
+"""Update of the live tracks by one frame: each track is detected, missed, or out of view.
+
+A camera delay beyond its prior displaces fixes by more than the gate. The fixes of one target then alternate between
+its track and a new one. Such an error displaces all targets of a frame by about the same distance, and a displaced fix
+is not evidence of another target.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist, hypot
 
 import msgspec
 
+from fwav_companion.geometry.small_matrices import horizontal_sigma
+from fwav_companion.geometry.vectors import Vector3, dot, norm, subtract, transform
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
+from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.frame_association import Taken
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_state import LiveTrack, innovation
-from fwav_companion.tracking.visibility import is_missed_detection
-from fwav_companion.types import FrameView, GroundFix
+from fwav_companion.types import FrameView, GroundFix, Sighting
+
+AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
+"""Three directions, north and east: an image edge that cuts the inner half of their circle cuts one of them off."""
+TOWARD_COSINE = 0.985
+"""Cosine of the largest angle between a sighting and its target, 10 degrees: a delay of 50 ms turns a sight by 8
+degrees at the fastest instant of a beat of 5 degrees at 5 Hz."""
+DISPLACED_SIGMAS = 8.0
+"""Largest displacement, sigmas: twice the gate. A camera late by three sigma displaces a fix by that distance."""
+OFF_RATIO = 2.0
+"""Largest ratio of two displacements in a frame. An angle displaces a fix in proportion to the square of the range over
+the height: twice as far at 45 degrees as below the vehicle."""
+
+
+class Absent(msgspec.Struct, frozen=True):
+    """Confirmed tracks that a frame missed."""
+
+    tracks: Sequence[LiveTrack]
+    seen_off_m: float | None
+    """Least distance of a fix from its own confirmed track in this frame, metres; None without such a fix."""
+
+    def may_explain(self, fix: GroundFix) -> bool:
+        """Whether the fix may be a displaced fix of one of these tracks."""
+        label = fix.sighting.detection.label
+        return any(_may_be_displaced(each.target, fix, self.seen_off_m) for each in self.tracks if each.label == label)
+
+
+NONE_ABSENT = Absent((), None)
+"""A frame that missed no track."""
 
 
 class FrameUpdate(msgspec.Struct, frozen=True):
@@ -72,3 +107,60 @@ class FrameUpdate(msgspec.Struct, frozen=True):
             return after
         apparent = msgspec.structs.replace(self.choice, vehicle=None)
         return msgspec.structs.replace(after, innovation=innovation(apparent.target(track), fix))
+
+
+def is_missed_detection(view: FrameView, label: str, target: TargetEstimate, margin_m: float | None) -> bool:
+    """Whether the frame covers the target and has no sighting that may be of this target.
+
+    The frame must cover the target's position and, unless ``margin_m`` is None, a circle of one sigma plus ``margin_m``
+    around it.
+    """
+    place_ned = target.apparent_ned
+    if not view.could_see(place_ned):
+        return False
+    if margin_m is not None:
+        margin_m += horizontal_sigma(target.relative_cov)
+        north, east, down = place_ned
+        if not all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND):
+            return False
+    return not any(sighting.detection.label == label and _is_toward(sighting, place_ned) for sighting in view.unplaced)
+
+
+def _is_toward(sighting: Sighting, place_ned: Vector3) -> bool:
+    """Whether a sighting without a fix, such as a too shallow one, is in the direction of this place."""
+    seen = transform(sighting.ned_from_camera, sighting.ray.direction)
+    to_place = subtract(place_ned, sighting.camera_ned)
+    return dot(seen, to_place) >= TOWARD_COSINE * norm(to_place)
+
+
+def absent(
+    tracks: Sequence[LiveTrack],
+    missed: Sequence[LiveTrack],
+    taken: Taken,
+    *,
+    photographs: bool,
+) -> Absent:
+    """The confirmed tracks that a frame missed.
+
+    Displacements are compared only in ``photographs``: among many frames, some show a displaced target in the place of
+    another target.
+    """
+    confirmed = [track for track in missed if track.confirmed]
+    if not (confirmed and photographs):
+        return Absent(confirmed, None)
+    seen = [track for track in tracks if track.confirmed and track.id in taken]
+    off_m = [dist(taken[track.id][0].position_ned[:2], track.target.apparent_ned[:2]) for track in seen]
+    return Absent(confirmed, min(off_m, default=None))
+
+
+def _may_be_displaced(target: TargetState, fix: GroundFix, seen_off_m: float | None) -> bool:
+    """Whether a fix lies within DISPLACED_SIGMAS of a target on both axes, without the vehicle's position errors.
+
+    It must also be at most OFF_RATIO times as far from the target as ``seen_off_m``, the least distance of another fix
+    from its own target.
+    """
+    own, other, reach2 = target.relative_cov, fix.relative_cov, DISPLACED_SIGMAS**2
+    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
+    if seen_off_m is not None and hypot(north, east) > OFF_RATIO * seen_off_m:
+        return False
+    return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])

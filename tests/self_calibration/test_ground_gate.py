@@ -10,7 +10,7 @@ from fwav_companion.self_calibration.calibration_context import CalibrationConte
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import filter_pass
-from fwav_companion.self_calibration.ground_gate import GroundGate
+from fwav_companion.self_calibration.frame_fixes import GroundGate
 from fwav_companion.self_calibration.measurement_batch import measurement_batch
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, camera_pose, predict
 from fwav_companion.self_calibration.relinearization import Relinearization

@@ -12,8 +12,7 @@ from simulated_world import World
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.measurement_batch import joined, measurement_batch
 from fwav_companion.self_calibration.position_path import VELOCITY_DENSITY, PositionPath, chord_error_m
-from fwav_companion.self_calibration.position_smoother import in_motion, moved, smoothed_back
-from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
+from fwav_companion.self_calibration.vehicle_motion import VehicleMotion, in_motion, moved, smoothed_back
 
 PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
 TURN = 0.7

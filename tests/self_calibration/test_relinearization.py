@@ -16,8 +16,8 @@ from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.measurement_batch import measurement_batch
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.position_path import PositionPath
-from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.relinearization import Relinearization
+from fwav_companion.self_calibration.vehicle_motion import moved, smoothed_back
 from fwav_companion.types import BIAS_COUNT, Bias
 
 FLIGHT = Flight(seconds=12, fps=15.0, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from fwav_companion.self_calibration.position_smoother import in_motion
-from fwav_companion.self_calibration.vehicle_motion import VehicleMotion
+from fwav_companion.self_calibration.vehicle_motion import VehicleMotion, in_motion
 
 
 def along(path, batch, capture_s, priors):

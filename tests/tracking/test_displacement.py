@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from handmade import a_fix
 
-from fwav_companion.tracking.displacement import Absent, absent
+from fwav_companion.tracking.frame_update import Absent, absent
 
 PLACE = (4.0, 3.0, 0.0)
 SIGMA_M = np.sqrt(0.03 + 0.04)
