@@ -115,13 +115,14 @@ class MountCheck(msgspec.Struct, frozen=True):
             return self
         sight = sight_of(fixes[0], state_at_capture(fixes[0].sighting.state), priors)
         if self.sights and abs(delay_s - self.delay_s) > ANOTHER_DELAY_S:
-            return MountCheck(self.predicted_ns, (sight,), 0, delay_s, self.mistake)
-        sights = (*self.sights, sight)[-MOST_KEPT:]
+            return msgspec.structs.replace(self, sights=(sight,), fresh=0, delay_s=delay_s)
+        sights, fresh = (*self.sights, sight)[-MOST_KEPT:], self.fresh + 1
+        after = msgspec.structs.replace(self, sights=sights, fresh=fresh, delay_s=delay_s)
         own = [each for each in sights if each.label == sight.label]
-        if len(own) < LEAST_KEPT or self.fresh + 1 < FRESH:
-            return MountCheck(self.predicted_ns, sights, self.fresh + 1, delay_s, self.mistake)
+        if len(own) < LEAST_KEPT or fresh < FRESH:
+            return after
         judged = _judged(own, self.mistake, self.predicted_ns, priors)
-        return MountCheck(self.predicted_ns, sights, 0, delay_s, judged)
+        return msgspec.structs.replace(after, fresh=0, mistake=judged)
 
 
 def _judged(
