@@ -175,7 +175,7 @@ class CalibrationState(msgspec.Struct, frozen=True, dict=True):
             return bool(self.denied)
         return self.is_calibrated or assessment.constant
 
-    @property
+    @cached_property
     def mount_off(self) -> float:
         """Largest likely error of the configured mount, rad: the estimated correction plus two sigma of it."""
         means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)

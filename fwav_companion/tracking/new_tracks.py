@@ -11,9 +11,10 @@ from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.lifecycle import is_steady
 from fwav_companion.tracking.track_state import LiveTrack, initiate
-from fwav_companion.types import GroundFix, Reason, TrackState
+from fwav_companion.types import Detection, GroundFix, Reason, TrackState
 
 MAX_TRACKS = 200
 """Maximum number of live tracks. A frame has at most 256 detections."""
@@ -67,14 +68,23 @@ def without_strays(
     repeat, and would take the next fixes of the same target from the confirmed track.
     ``taken``: ids of the tracks with a fix.
     """
-    waiting = [track for track in tracks if track.id not in taken and is_steady(track.life, host_ns)]
-    return [fix for fix in fixes if not any(_gates(track, fix) for track in waiting)]
+    left = list(fixes)
+    for track in tracks:
+        if left and track.id not in taken and is_steady(track.life, host_ns):
+            left = _outside_gate(track, left)
+    return left
 
 
-def _gates(track: LiveTrack, fix: GroundFix) -> bool:
-    detection = fix.sighting.detection
+def _outside_gate(track: LiveTrack, fixes: Sequence[GroundFix]) -> list[GroundFix]:
+    """The fixes that are not in the gate of this track."""
+    own = [fix for fix in fixes if _may_be_of(track, fix.sighting.detection)]
+    gated = {id(fix) for fix, seen in zip(own, gates_of(track.target, own), strict=True) if seen.nis < GATE}
+    return [fix for fix in fixes if id(fix) not in gated]
+
+
+def _may_be_of(track: LiveTrack, detection: Detection) -> bool:
     differs = None not in (track.detector_id, detection.detector_id) and track.detector_id != detection.detector_id
-    return track.label == detection.label and not differs and track.target.gate(fix).nis < GATE
+    return track.label == detection.label and not differs
 
 
 def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:

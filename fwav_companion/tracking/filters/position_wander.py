@@ -21,6 +21,7 @@ comparison.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import exp, inf, sqrt
 from operator import mul
 from typing import TypeAlias
@@ -82,8 +83,12 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
         return smooth_share * smooth + (1.0 - smooth_share) * twice * quick
 
 
-def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
-    """The model with this sigma; each process has the integral time of a first-order one with its time constant."""
+@lru_cache(maxsize=4)
+def position_wander(sigma_m: float, time_constants_s: tuple[float, ...]) -> PositionWander:
+    """The model with this sigma; each process has the integral time of a first-order one with its time constant.
+
+    Cached, because a receiver reports the same sigma at many fixes.
+    """
     rates = tuple([2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s])
     each = sigma_m**2 / len(rates)
     return PositionWander(

@@ -13,6 +13,7 @@ The state is the place, then the shared errors. With the rows H, the noise R and
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TypeAlias
 
 import msgspec
@@ -23,13 +24,14 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
 
 
-class Transition(msgspec.Struct, frozen=True):
+class Transition(msgspec.Struct, frozen=True, dict=True):
     """Transition of the shared errors to a later instant: s = A s + fresh noise."""
 
     matrix: Array
     noise: Array
     """Covariance of the fresh noise."""
 
+    @cached_property
     def beside_place(self) -> Transition:
         """The transition of the joint state: of a constant place, and of the shared errors."""
         still = len(self.matrix) + 2
@@ -38,7 +40,7 @@ class Transition(msgspec.Struct, frozen=True):
         return Transition(matrix, noise)
 
 
-class Correction(msgspec.Struct, frozen=True):
+class Correction(msgspec.Struct, frozen=True, dict=True):
     """A linear measurement."""
 
     measured: Array
@@ -47,6 +49,7 @@ class Correction(msgspec.Struct, frozen=True):
     noise: Array
     """Covariance R of the noise."""
 
+    @cached_property
     def beside_place(self) -> Correction:
         """The measurement of the joint state: of a place, to which it is not sensitive, and of the shared errors."""
         return Correction(self.measured, np.hstack((np.zeros((len(self.rows), 2)), self.rows)), self.noise)
@@ -96,7 +99,7 @@ class JointPlace(msgspec.Struct, frozen=True):
 
     def after(self, step: Step) -> JointPlace:
         """The joint state after a step of the shared errors."""
-        return self.update(step.beside_place())
+        return self.update(step.beside_place)
 
     def update(self, step: Step) -> JointPlace:
         """The joint state after a fix, with rows for the place, then for the shared errors; or after any step."""
