@@ -10,7 +10,7 @@ targets show it.
 Pure. In numpy, except for ``calibration_report`` and ``position_path``: the daemon imports the other modules only if
 self-calibration is switched on.
 Reading order: ``delayed_poses``, ``measurement_batch``, ``pixel_measurement``, ``position_path``, ``rate_denoiser``,
-``vehicle_motion`` (the measurement); ``position_error``, ``pixel_innovations``, ``joint_filter``, ``ground_points``,
+``vehicle_motion`` (the measurement); ``position_error``, ``joint_filter``, ``pixel_innovations``, ``ground_points``,
 ``baseline``, ``filter_pass``, ``delay_search``, ``reassociation``, ``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``calibrated_fix``, ``calibrated_places``,
 ``assessment`` (its assessment); ``sights``, ``mount_search``, ``named_mounts``, ``mount_check`` (a mount that is wrong

@@ -13,8 +13,8 @@ from fwav_companion.self_calibration.baseline import Baseline
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch, joined
-from fwav_companion.self_calibration.pixel_innovations import PixelInnovations, innovations
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, camera_pose
+from fwav_companion.self_calibration.pixel_innovations import innovations
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, PixelInnovations, camera_pose
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.types import Bias
 

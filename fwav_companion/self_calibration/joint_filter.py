@@ -28,8 +28,7 @@ import numpy as np
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.calibration_report import PriorInflation
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
-from fwav_companion.self_calibration.pixel_innovations import PixelInnovations
-from fwav_companion.self_calibration.pixel_measurement import DELAY, HEIGHT, SHARED_COUNT
+from fwav_companion.self_calibration.pixel_measurement import DELAY, HEIGHT, SHARED_COUNT, PixelInnovations
 from fwav_companion.self_calibration.position_error import SMOOTH, PositionError, position_error
 from fwav_companion.types import ErrorPriors
 

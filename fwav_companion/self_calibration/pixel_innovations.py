@@ -3,41 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
+from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.measurement_batch import MeasurementBatch
-from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, PredictedPixels, common_noise, predict
-
-if TYPE_CHECKING:
-    from fwav_companion.self_calibration.joint_filter import JointFilter
+from fwav_companion.self_calibration.pixel_measurement import (
+    SHARED_COUNT,
+    PixelInnovations,
+    PredictedPixels,
+    common_noise,
+    predict,
+)
 
 LEAST_DETERMINANT = 1e-300
 """Substitute for a determinant that rounding left not positive, px^4."""
-
-
-class PixelInnovations(msgspec.Struct, frozen=True):
-    """Innovations of one batch under each hypothesis (B)."""
-
-    difference: Array
-    """(B, 2N), measured minus predicted, px; u and v alternate, as in every axis of 2N."""
-    crossed: Array
-    """(B, 2N, n): H P."""
-    cov: Array
-    """(B, 2N, 2N): S, covariance of the innovations, px^2."""
-    common: Array
-    """(B, N, 2, 7), square roots of the noise covariance that the measurements of one frame have in common, px."""
-    nis: Array
-    """(B, N), normalised innovation squared of each measurement alone; inf where the measurement is impossible."""
-    determinant: Array
-    """(B, N), determinant of S of each measurement alone, px^4."""
-    displaced: float
-    """Largest angle by which the mean predicts a measurement better than the linearization point does, rad."""
-    valid: Mask
-    """(B, N), whether the measurement is possible."""
 
 
 def innovations(joint: JointFilter, batch: MeasurementBatch) -> PixelInnovations:

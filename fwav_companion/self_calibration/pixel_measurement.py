@@ -100,6 +100,27 @@ class PredictedPixels(msgspec.Struct, frozen=True):
     """(..., N): the target lies within 89.4 degrees of the ray."""
 
 
+class PixelInnovations(msgspec.Struct, frozen=True):
+    """Innovations of one batch under each hypothesis (B) of a joint estimate with n states."""
+
+    difference: Array
+    """(B, 2N), measured minus predicted, px; u and v alternate, as in every axis of 2N."""
+    crossed: Array
+    """(B, 2N, n): H P, with the rows H and the covariance P of the state."""
+    cov: Array
+    """(B, 2N, 2N): S, covariance of the innovations, px^2."""
+    common: Array
+    """(B, N, 2, 7), square roots of the noise covariance that the measurements of one frame have in common, px."""
+    nis: Array
+    """(B, N), normalised innovation squared of each measurement alone; inf where the measurement is impossible."""
+    determinant: Array
+    """(B, N), determinant of S of each measurement alone, px^4."""
+    displaced: float
+    """Largest angle by which the mean predicts a measurement better than the linearization point does, rad."""
+    valid: Mask
+    """(B, N), whether the measurement is possible."""
+
+
 def predict(batch: MeasurementBatch, targets: Array, shared: Array) -> PredictedPixels:
     """The predicted pixels of apparent places (..., N, 2), linearized about shared parameters (..., 11).
 
