@@ -38,7 +38,7 @@ class Baseline(msgspec.Struct, frozen=True):
 
     def shows_height(self, position_sigma_m: float) -> bool:
         """Whether the path is long enough to show the height."""
-        north, east, down = np.maximum(self.most_ned - self.least_ned, 0.0).tolist()  # 0 before the first batch
+        north, east, down = map(float, np.maximum(self.most_ned - self.least_ned, 0.0))  # 0 before the first batch
         level = float(np.hypot(north, east))
         level = level if level >= LEAST_SIGMAS * position_sigma_m else 0.0
         return max(level, down) > LEAST_SHARE * self.drop_m
