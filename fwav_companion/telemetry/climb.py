@@ -33,6 +33,10 @@ LEAST_COMPARED = 50
 HELD_S = 20.0
 """Time after a contradiction during which velocities are not used: the alias of a beat 0.01 Hz from the rate of
 positions is below 0.4 m/s for 10 s before it grows again with the other sign."""
+MOST_JUMP_M = 2.0
+"""Change of the offset within one interval from which the comparison starts again: the home was moved."""
+MOST_DRIFT2_M2 = 1.0
+"""Largest square of a drift: a smaller jump than that, which counts for COMPARED_S, contradicts nothing alone."""
 LONGEST_GAP_S = 1.0
 """Interval of two positions from which the comparison starts again."""
 MOST_KEPT = 256
@@ -80,6 +84,8 @@ class ClimbCheck:
         step_s = s_from_ns(boot_ns - last.boot_ns)
         moved_m = 0.5 * (last.climb_m_s + reported_m_s) * step_s
         now = PathPoint(boot_ns, height_m, reported_m_s, last.integral_m + moved_m)
+        if abs(now.offset_m - last.offset_m) > MOST_JUMP_M:
+            points.clear()
         points.append(now)
         while s_from_ns(boot_ns - points[0].boot_ns) > SLOPE_S or len(points) > MOST_KEPT:
             del points[0]
@@ -89,7 +95,7 @@ class ClimbCheck:
         self._compared += 1
         share = max(1.0 - exp(-step_s / MEMORY_S), 1.0 / self._compared)
         self._noise2 += share * ((now.offset_m - last.offset_m) ** 2 - self._noise2)
-        self._drift2 += share * ((now.offset_m - before.offset_m) ** 2 - self._drift2)
+        self._drift2 += share * (min(MOST_DRIFT2_M2, (now.offset_m - before.offset_m) ** 2) - self._drift2)
         drifts = self._drift2 > LEAST_DRIFT_M**2 + NOISE_FACTOR * self._noise2
         if drifts and self._compared >= LEAST_COMPARED:
             self._contradicted_ns = boot_ns

@@ -57,6 +57,14 @@ def test_heights_that_wander_slowly_do_not_contradict_velocities():
         assert check.climb_at(BootNs(round(t * 1e9)), height_m, 0.0) == 0.0
 
 
+@pytest.mark.parametrize("jump_m", [0.5, 1.0, 1.9, 3.0, 50.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_home_that_moves_is_no_contradiction(jump_m, seed):
+    """Heights above home jump; climb rates do not."""
+    found = reported(lambda t: (12.0 + jump_m * (t > 20.0) + 0.3 * t, 0.3), seed=seed)
+    assert all(used == said for _, said, used in found)
+
+
 def test_velocities_count_again_after_the_heave():
     """A fixed wing that flapped to take off."""
     flapped = reported(lambda t: (12.0, 0.0), seconds=90.0, heave_hz=9.8)
