@@ -101,8 +101,7 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         """The track after a frame with a fix for it. ``missed``: confirmed tracks whose displaced fix this may be."""
         if not (track.confirmed or track.branch_of) and missed.may_explain(fix):
             llr = min(llr, 0.0)
-        rests = self.choice.rests(track, fix)
-        after = track.updated(self.view.host_ns, fix, llr, self.detector, rests=rests)
+        after = track.updated(self.view.host_ns, fix, llr, self.detector)
         if not self.reports_innovations:
             return after
         apparent = msgspec.structs.replace(self.choice, vehicle=None)

@@ -15,7 +15,7 @@ import msgspec
 from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, horizontal_sigma
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
-from fwav_companion.tracking.filters.standing import RECENT_NS, StandingTargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import FrameView, GroundFix, Track, VehicleState
 from fwav_companion.types.tracks import GateResult
@@ -138,16 +138,6 @@ class TargetChoice(msgspec.Struct, frozen=True):
         if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
             return track.target
         return calibrated
-
-    def rests(self, track: LiveTrack, fix: GroundFix) -> bool:
-        """Whether the track's own filter leaves out this fix: it had a recent one, and the joint estimate answers.
-
-        Then the own filter only gates, and stands by in case the joint estimate fails. Five fixes a second suffice.
-        """
-        calibrator, own = self.corrects, track.target
-        if calibrator is None or not calibrator.answers or self.landmarks_show or calibrator.placed(track.id) is None:
-            return False
-        return isinstance(own, StandingTargetState) and fix.sighting.frame_host_ns - own.fixed_ns < RECENT_NS
 
     def reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
         """The tracks' reports, without branches."""

@@ -56,22 +56,13 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         return dist(self.last_fix.position_ned, self.last_fix.sighting.camera_ned)
 
     def updated(
-        self,
-        host_ns: HostNs,
-        fix: GroundFix,
-        log_likelihood_ratio: float,
-        detector: DetectorModel,
-        *,
-        rests: bool = False,
+        self, host_ns: HostNs, fix: GroundFix, log_likelihood_ratio: float, detector: DetectorModel
     ) -> LiveTrack:
-        """The track after an update with a fix. ``log_likelihood_ratio``: that of the fix, target against clutter.
-
-        ``rests``: whether the track's own filter leaves the fix out.
-        """
+        """The track after an update with a fix. ``log_likelihood_ratio``: that of the fix, target against clutter."""
         detector_id = fix.sighting.detection.detector_id
         return msgspec.structs.replace(
             self,
-            target=self.target if rests else self.target.update(fix),
+            target=self.target.update(fix),
             life=detected(self.life, host_ns, log_likelihood_ratio, detector),
             last_fix=fix,
             fix=fix,

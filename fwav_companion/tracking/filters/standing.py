@@ -10,7 +10,7 @@ import msgspec
 from msgspec.structs import replace
 
 from fwav_companion.geometry.small_matrices import Symmetric2
-from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.base import SharedInnovation, TargetEstimate
@@ -33,8 +33,6 @@ from fwav_companion.types.tracks import GateResult, GateShare
 FRESH_SHARE = 0.5
 """Ratio of a receiver's sigma to its earlier one, up to which its error is a new one: it has found another solution."""
 
-RECENT_NS = 200 * NS_PER_MS
-"""Age of its last fix up to which a state is up to date: the vehicle hardly changes its course meanwhile."""
 SHOWN_SMOOTH = 0.95
 """Probability of a smooth error above which its rate predicts its movement: a first-order error has no rate."""
 SPREAD = 0.618
@@ -131,12 +129,13 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def report_lateness(self, share: float = 1.0) -> Symmetric2:
         """Covariance of the vehicle's report due to its position delay, m^2. ``share``: of the delay's prior variance.
 
-        The vehicle is assumed to keep the velocity of a recent last fix. Later it has that speed in any direction.
+        Between fixes the course is not known: the vehicle is assumed to have the speed of the last fix in any
+        direction.
         """
         if self.late is None:
             return (0.0, 0.0, 0.0)
         _, north, east = self.late
-        if self.host_ns - self.fixed_ns <= RECENT_NS:
+        if self.host_ns == self.fixed_ns:
             return (share * north * north, share * north * east, share * east * east)
         each = 0.5 * share * (north * north + east * east)
         return (each, 0.0, each)
