@@ -1,4 +1,4 @@
-"""Where the camera looks, asked between its frames. PURE."""
+"""The camera's view of the ground at any instant, also between its frames. PURE."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ BORDER_SIGMA_PX = 1.0
 
 
 class CameraLook(msgspec.Struct, frozen=True):
-    """The camera on its vehicle, above the ground."""
+    """One camera on its vehicle, above the ground: answers questions about its view at an instant."""
 
     telemetry: VehicleSource
     pairer: Pairer
     localizer: Localizer
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
-        """The ground at a pixel of a picture taken then; None where it is unknown."""
+        """Fix of the ground at a pixel of a picture taken at this instant; None where the place is unknown."""
         sighting = self.pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self.telemetry)
         fix = self.localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
 
     def footprint(self, size: tuple[int, int], host_ns: HostNs) -> list[Vector3]:
-        """Places of the border of a picture taken then, NED, clockwise from its top left.
+        """Ground positions, NED, of the border of a picture taken at this instant, clockwise from its top left.
 
         A pixel without ground is replaced by one nearer to the centre, or left out. Empty if fewer than three are left.
         """
@@ -50,11 +50,11 @@ class CameraLook(msgspec.Struct, frozen=True):
         return places if len(places) > 2 else []
 
     def view_at(self, host_ns: HostNs) -> CameraView | None:
-        """The camera at a host instant, in the frame of the tracks; None where it is unknown."""
+        """Camera pose and lens at a host instant, in the frame of the tracks; None where the pose is unknown."""
         return self.pairer.camera_at(host_ns, self.telemetry)
 
     def picture_rows(self, frame: Frame) -> PictureRows | None:
-        """A frame of our own camera in time and scale; None where its clock or size is not known."""
+        """Row times and scaling of a frame of the service's own camera; None where its clock or size is not known."""
         return self.pairer.picture_rows(frame, self.telemetry.clock)
 
     def axis_elevation_deg(self) -> float | None:

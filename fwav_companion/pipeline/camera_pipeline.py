@@ -1,4 +1,4 @@
-"""Frames of one camera to tracks: waiting, pairing, localization, tracking. Pure."""
+"""Processing of one camera's frames into tracks: waiting, pairing, localization, tracking. Pure."""
 
 from __future__ import annotations
 
@@ -49,20 +49,20 @@ from fwav_companion.types import (
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
-"""Longer than every wait and window."""
+"""Time by which the clock is advanced at the end of a flight: longer than every wait and window."""
 
 FOOTPRINT_NS = NS_PER_S
-"""Age of a picture up to which it shows where the camera looks."""
+"""Age of the newest picture up to which its footprint is reported as the camera's present one."""
 
 
 class ProcessedFrame(msgspec.Struct, frozen=True):
-    """All tracks after a processed frame."""
+    """All tracks after one processed frame, with the vehicle's state and the camera's projection at its capture."""
 
     tracks: tuple[Track, ...]
     state: VehicleState | None
     """State of the vehicle at the capture of row 0; None where it is unknown."""
     pixel_from_ned: Callable[[Vector3], tuple[float, float] | None] | None
-    """Pixel of a place in that image."""
+    """Projects a position, NED, to its pixel in the frame's image; None where the camera's pose is unknown."""
 
 
 class CameraPipeline:
@@ -81,8 +81,8 @@ class CameraPipeline:
         readout: ReadoutAdvice,
         landmarks: LandmarkSights,
     ) -> None:
-        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status.
-        ``readout``: whether its being unknown matters.
+        """``sightings``: write a line for every detection, used or not. ``agreement``: compares fixes for the status.
+        ``readout``: decides whether the unknown readout limits the accuracy.
         """
         self.look = CameraLook(telemetry, pairer, localizer)
         self._telemetry = telemetry
@@ -114,9 +114,9 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is.
+        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is due.
 
-        Where lines are not used, a frame may settle with whatever comes next.
+        Where lines are not used, no instant is needed for them: a frame is settled at the next event.
         """
         settles = self._reorder.wake_at if self._target_log.written else None
         dues = (self._waiting.wake_at, settles, self._reorder.tracker.due_ns)
@@ -140,7 +140,7 @@ class CameraPipeline:
         self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
 
     def on_refused_frame(self, reason: Reason, now: HostNs) -> None:
-        """Take a datagram without a usable frame: a picture was sent, and refused."""
+        """Record that a datagram arrived without a usable frame: a picture was sent, and refused."""
         self._last_frame_ns, self.refused = now, reason
 
     def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
@@ -162,7 +162,7 @@ class CameraPipeline:
 
     @property
     def calibration(self) -> CalibrationReport | None:
-        """Result of self-calibration by now; None without it."""
+        """Present result of self-calibration; None where it is off."""
         return self._reorder.tracker.calibration
 
     @property
@@ -172,7 +172,7 @@ class CameraPipeline:
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
-        """What each landmark showed so far; a filter that they do not correct leaves them unapplied."""
+        """Record of each landmark's sights so far; marked as not applied where the filter does not use landmarks."""
         return self._reorder.tracker.landmarks or self._landmarks.unapplied
 
     def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
@@ -210,17 +210,17 @@ class CameraPipeline:
         self._localizer.home_moved(home_down_m)
 
     def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
-        """Give the ground the world's origin and the take-off place; returns the ground's notice, or ""."""
+        """Set the ground model's origin and take-off place; returns the model's notice, or ""."""
         self._landmarks.placed(plane)
         return self._localizer.placed(plane, take_off, undulation_m)
 
     def position_jumped(self, boot_ns: BootNs, jump_m: float) -> None:
-        """Take a jump of the vehicle's reported position; the next frame after it opens the tracks to it."""
+        """Record a jump of the vehicle's reported position; the tracker allows for it in the next frame."""
         before_m = 0.0 if self._jump is None else self._jump[1]
         self._jump = (boot_ns, before_m + jump_m)
 
     def _jumped_m(self, boot_ns: BootNs) -> float:
-        """The jump that a frame of this instant is the first to see, metres."""
+        """Size of the pending jump if a frame of this instant is the first after it, metres; else 0."""
         if self._jump is None or boot_ns < self._jump[0]:
             return 0.0
         _, jump_m = self._jump
@@ -234,7 +234,7 @@ class CameraPipeline:
         return ground.shift if isinstance(ground, TerrainGround) else None
 
     def shift_by_landmark(self) -> str:
-        """Shift an elevation model by what a landmark shows, or take that back; the notice, or ""."""
+        """Shift the elevation model by a landmark's altitude, or undo such a shift; returns the notice, or ""."""
         return self._shift.applied(self._localizer.ground, self._reorder.tracker.landmark_altitude, self.landmarks)
 
     def drop_all(self, reason: Reason) -> None:
@@ -245,7 +245,7 @@ class CameraPipeline:
             self._dropped.append(Settled(view, tracks))
 
     def finish(self, now: HostNs) -> list[Settled]:
-        """End: process the frames that wait, and settle all."""
+        """End the flight: process the frames that wait, and settle all frames."""
         end_ns = HostNs(now + LONG_AFTER_NS)
         for frame in self._waiting.take_ready(end_ns, self._telemetry):
             self._process(frame, now)

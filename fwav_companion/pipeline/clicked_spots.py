@@ -1,7 +1,8 @@
-"""The spots that operators clicked: where each must appear in the next picture, and which track is of which spot. PURE.
+"""Clicked spots: predicts where each appears in the next picture, and keeps which track belongs to which spot. PURE.
 
 A click names a pixel of a picture that was on the operator's screen. The camera process keeps pictures and follows the
-spot by its look; here is what only the pipeline knows: the place on the ground, and how the vehicle moved since.
+spot by its appearance. This module adds what only the pipeline knows: the spot's place on the ground, and the vehicle's
+motion since the click.
 """
 
 from __future__ import annotations
@@ -20,42 +21,44 @@ from fwav_companion.types import Frame, GroundFix, Track
 from fwav_companion.types.spots import CLICK_LABEL, FollowSpot, ReleaseSpot, SpotMessage, SpotView, SpotViews
 
 MOST_PICTURES: Final = 128
-"""Frames of the last four seconds at 30 frames/s: older pictures are not kept by the camera process."""
+"""Number of frames that a click can name: four seconds at 30 frames/s. The camera process keeps no older pictures."""
 MOST_APART_NS: Final = 150 * NS_PER_MS
-"""Tolerance of [publish] video_delay_s: a picture further from the clicked one is another scene."""
+"""Largest time between a click's instant and a picture: the tolerance of [publish] video_delay_s. A picture further
+from the clicked one shows another scene."""
 STEP_M: Final = 0.05
-"""Of the differences that give the Jacobian: some pixels at any height of flight."""
+"""Step of the finite differences for the Jacobian, metres: some pixels at any height of flight."""
 LEAST_REACH_PX: Final = 12.0
-"""Attitudes are extrapolated by up to 10 ms for the newest picture: at 150 deg/s and 500 px/rad 13 pixels."""
+"""Least search radius, pixels. Attitudes are extrapolated by up to 10 ms for the newest picture: 13 pixels at 150 deg/s
+and 500 px/rad."""
 SIGMAS: Final = 3.0
 LOST_SIGMA_M: Final = 0.5
 """One sigma of a place that had no track for some time: the vehicle's position has wandered since."""
 MOST_SPOTS: Final = 4
-"""Spots at once, as the camera process follows."""
+"""Most spots at once: the camera process follows as many."""
 
 
 class SpotCamera(Protocol):
-    """What is known about the camera and the ground."""
+    """The camera's pose and its view of the ground, as clicked spots need them."""
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
-        """The ground at a pixel of a picture taken then; None where it is unknown."""
+        """Fix of the ground at a pixel of a picture taken at this instant; None where the place is unknown."""
 
     def view_at(self, host_ns: HostNs) -> CameraView | None:
-        """The camera at a host instant; None where it is unknown."""
+        """Camera pose and lens at a host instant; None where the pose is unknown."""
 
     def picture_rows(self, frame: Frame) -> PictureRows | None:
-        """A frame of our own camera in time and scale; None where its clock or size is not known."""
+        """Row times and scaling of a frame of the service's own camera; None where its clock or size is not known."""
 
 
 class ClickedSpot(msgspec.Struct):
-    """One spot."""
+    """One clicked spot that is followed."""
 
     place_ned: Vector3
-    """Place on the ground that predicts it: of the click, later of its track."""
+    """Ground position for its prediction, NED, metres: that of the click, later that of its track."""
     sigma_m: float
-    """One sigma of the place relative to the vehicle."""
+    """One sigma of the place relative to the vehicle, metres."""
     track: int | None = None
-    """Its track, once there is one."""
+    """Id of its track; None while there is none."""
 
 
 class ClickedSpots:
@@ -69,16 +72,16 @@ class ClickedSpots:
         self._orders: list[SpotMessage] = []
 
     def on_picture(self, frame: Frame) -> None:
-        """Remember a frame; it counts if our camera process keeps its picture."""
+        """Remember a frame if the service's camera process keeps its picture."""
         rows = None if frame.picture is None else self._camera.picture_rows(frame)
         if rows is not None and frame.picture is not None:
             self._pictures.append((frame.picture, rows))
 
     def follow(self, point: tuple[float, float], host_ns: HostNs, sigma_px: float) -> int | None:
-        """Order the spot at a pixel of the picture nearest to this instant to be followed; its number.
+        """Order the camera process to follow the spot at a pixel of the picture nearest to this instant.
 
-        ``point`` in pixels of the calibration. None where no picture of that time is known, or the ground at the pixel
-        is not.
+        Returns the spot's number; None where no picture of that time is known, or the ground at the pixel is not.
+        ``point``: in pixels of the calibration.
         """
         number, rows = min(self._pictures, key=lambda each: abs(each[1].middle_ns - host_ns), default=(0, None))
         if rows is None or abs(rows.middle_ns - host_ns) > MOST_APART_NS:
@@ -98,17 +101,17 @@ class ClickedSpots:
         return self._newest
 
     def release(self, spot: int) -> None:
-        """Follow a spot no more."""
+        """Stop following a spot."""
         if self._spots.pop(spot, None) is not None:
             self._orders.append(ReleaseSpot(spot))
 
     def release_all(self) -> None:
-        """Follow no spot any more."""
+        """Stop following every spot."""
         for spot in tuple(self._spots):
             self.release(spot)
 
     def views(self, frame: Frame) -> SpotViews:
-        """Where and how a picture must show each spot; those outside the picture are left out."""
+        """Predicted view of each spot in a picture; spots outside the picture are left out."""
         rows = self._camera.picture_rows(frame) if self._spots else None
         views = {}
         if rows is not None:
@@ -117,14 +120,14 @@ class ClickedSpots:
         return SpotViews(frame.picture or 0, views)
 
     def _predicted(self, spot: ClickedSpot, rows: PictureRows) -> SpotView | None:
-        """By the camera at the capture of the picture's middle, then at that of the row which shows the spot."""
+        """Predicted view of one spot. The camera's pose at the middle row gives the spot's row, whose pose is used."""
         middle = self._camera.view_at(rows.middle_ns)
         at = None if middle is None else middle.pixel_of(spot.place_ned)
         camera = None if at is None else self._camera.view_at(rows.host_ns(at[1]))
         return None if camera is None else spot_view(camera, spot.place_ned, spot.sigma_m)
 
     def on_tracks(self, tracks: Iterable[Track]) -> None:
-        """Follow each spot's place by its track; after its end the spot is looked for where it was."""
+        """Update each spot's place from its track. After the track's end the spot is searched at its last place."""
         of_spot: dict[int, Track] = {}
         alive = set()
         for track in tracks:
@@ -147,7 +150,7 @@ class ClickedSpots:
 
     @property
     def has_orders(self) -> bool:
-        """Whether :meth:`take_orders` would return any."""
+        """Whether :meth:`take_orders` would return any orders."""
         return bool(self._orders)
 
     def take_orders(self) -> list[SpotMessage]:
@@ -157,7 +160,7 @@ class ClickedSpots:
 
 
 def spot_view(camera: CameraView, place_ned: Vector3, sigma_m: float) -> SpotView | None:
-    """How a camera must show a place on the ground; None where it or its surroundings are outside the picture."""
+    """Predicted view of a place on the ground; None where it or its surroundings are outside the picture."""
     at = camera.pixel_of(place_ned)
     north, east = (camera.pixel_of(add(place_ned, step)) for step in ((STEP_M, 0.0, 0.0), (0.0, STEP_M, 0.0)))
     if at is None or north is None or east is None:
@@ -172,7 +175,7 @@ def spot_view(camera: CameraView, place_ned: Vector3, sigma_m: float) -> SpotVie
 
 
 def in_picture(view: SpotView, scaling: Scaling) -> SpotView:
-    """The view in pixels of the picture, from pixels of the calibration."""
+    """The view converted from pixels of the calibration to pixels of the picture."""
     if scaling.horizontal == scaling.vertical == 1.0:
         return view
     h, v = scaling.horizontal, scaling.vertical

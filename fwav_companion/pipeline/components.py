@@ -1,4 +1,4 @@
-"""The rooms that a pipeline joins, and the answers that need several of them. Pure."""
+"""The components that a pipeline joins, and the answers that need several of them. Pure."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Components:
         return by_autopilot_s if by_autopilot_s is not None or self.board is None else self.board.utc_minus_host_s
 
     def readiness(self, camera: CameraPipeline, now: HostNs) -> Readiness:
-        """What localization rests on at this instant."""
+        """The conditions for localization at this instant: rates, clock, frames and the accuracy to expect."""
         expected = camera.look.expected()
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
@@ -100,7 +100,7 @@ class Components:
         )
 
     def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
-        """The believed tracks, the vehicle, and why it is not ready; None where it is."""
+        """The confirmed and coasting tracks, the vehicle, and why the service is not ready; None where it is ready."""
         trouble = "no camera is configured"
         if self.camera is not None:
             found = obstacle(self.readiness(self.camera, now))
@@ -108,24 +108,24 @@ class Components:
         return self.publisher.believed, self.situation(now), trouble or None
 
     def spot_views(self, frame: Frame) -> SpotViews:
-        """Where the clicked spots must be in a picture that the camera process has just taken."""
+        """Predicted views of the clicked spots in a picture that the camera process has just taken."""
         return SpotViews(frame.picture or 0, {}) if self.spots is None else self.spots.views(frame)
 
     def on_spot_refused(self, refused: SpotRefused) -> list[Notice]:
-        """Notices after the camera process could not follow a clicked spot."""
+        """Forget a clicked spot that the camera process cannot follow; returns the notices."""
         if self.spots is not None:
             self.spots.on_refused(refused.spot)
         self.publisher.on_spot_refused(refused)
         return self.publisher.notices()
 
     def track_marks(self, frame: Frame) -> TrackMarks:
-        """Where a picture that someone looks at shows the confirmed and coasting tracks."""
+        """Pixels of the confirmed and coasting tracks in a picture of the preview."""
         if self.camera is None:
             return TrackMarks(frame.picture or 0, ())
         return track_marks(self.camera.look, frame, self.publisher.believed, self.publisher.selected)
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
-        """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""
+        """Corners of the camera's footprint on the ground, latitude and longitude, degrees; empty where unknown."""
         plane = self.telemetry.world.plane
         if plane is None or self.camera is None:
             return ()
@@ -133,7 +133,7 @@ class Components:
         return tuple((round(place.lat_deg, 7), round(place.lon_deg, 7)) for place in places)
 
     def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
-        """Line of the clock at this instant; None while the clock is unknown."""
+        """Clock line of the recording at this instant; None while the clock is unknown."""
         boot_ns = self.telemetry.clock.boot_from_host(at)
         if isinstance(boot_ns, Unpaired):
             return None
@@ -142,7 +142,7 @@ class Components:
         return clock_line(at, self.telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s)
 
     def status(self, now: HostNs, log: TargetLog) -> PipelineStatus:
-        """The pipeline's part of the status. ``log``: counts frames and what became of them."""
+        """The pipeline's part of the status. ``log``: counts frames, fixes and refusals."""
         plane, report = self.telemetry.world.plane, None if self.camera is None else self.camera.calibration
         return PipelineStatus(
             autopilot=_autopilot_report(self.identity.autopilot),

@@ -1,4 +1,4 @@
-"""Effects of what one room found on the other rooms; reports of readiness. Pure."""
+"""Applies the events of one room to the other rooms, and reports readiness. Pure."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class EventHandlers:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant of the next readiness check; None without a camera, and while no autopilot is heard."""
+        """Instant of the next readiness check; None without a camera, and while no autopilot is received."""
         return self._readiness.wake_at if self._components.camera is not None else None
 
     def on_wake(self, now: HostNs) -> None:
-        """Check the readiness; a change is reported."""
+        """Check the readiness and report a change."""
         readiness = self._current_readiness(now)
         self._report(self._readiness.on_wake(readiness, now) if readiness is not None else None, now)
 
@@ -107,7 +107,7 @@ class EventHandlers:
             self._outputs.messages.append(result)
 
     def of_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
-        """Handle a reboot, the world's origin, or a home that moved."""
+        """Handle telemetry events, such as a reboot, the world's origin or a moved home."""
         for event in events:
             match event:
                 case Rebooted():
@@ -143,7 +143,7 @@ class EventHandlers:
                 self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
 
     def _place_ground(self, now: HostNs) -> None:
-        """Give the ground the world's origin; again when the geoid is known, which an elevation model may need."""
+        """Set the ground model's origin; repeated when the geoid is known, because an elevation model may need it."""
         telemetry, camera = self._components.telemetry, self._components.camera
         plane, take_off = telemetry.world.plane, telemetry.world.take_off
         if camera is None or plane is None or take_off is None:

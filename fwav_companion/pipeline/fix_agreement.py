@@ -1,9 +1,10 @@
-"""Agreement of the fixes of one target from frame to frame: a wrong mount moves them by metres while it flies. Pure.
+"""Agreement of the fixes of one target from frame to frame: a wrong mount moves them by metres in flight. Pure.
 
-Two fixes of a target at rest differ by their noise and by what their biases do not share. The normalised square of
-that difference (2 degrees of freedom) exceeds 5.99 once in twenty pairs; where many pairs do, an error is larger than
-[uncertainty] says. A label (with the detector's id, if it sends one) counts where it occurs once in a frame, so that
-two targets are not taken for one; the share and the median bear false detections in frames without the target.
+Two fixes of a target at rest differ by their noise and by the parts of their biases that they do not share. The
+normalised square of that difference (2 degrees of freedom) exceeds 5.99 once in twenty pairs; where many pairs exceed
+it, an error is larger than [uncertainty] says. A label (with the detector's id, if it sends one) is used only where it
+occurs once in a frame, so that two targets are not taken for one. The share and the median tolerate false detections in
+frames without the target.
 """
 
 from __future__ import annotations
@@ -21,22 +22,23 @@ from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.flight_status import AgreementReport
 
 STEP_NS = 55_000_000
-"""Between two fixes that are kept: every second frame of 30 a second, three phases of a wing beat of 5 Hz."""
+"""Least time between two kept fixes: every second frame of 30 a second, three phases of a wing beat of 5 Hz."""
 KEPT = 60
-"""Of each target."""
+"""Most kept fixes of each target."""
 MOST_TARGETS = 8
 LONGEST_NS = 8_000_000_000
-"""Age of the oldest one that counts: a receiver's position wanders little meanwhile."""
+"""Greatest age of a compared fix: a receiver's position wanders little meanwhile."""
 FEWEST = 30
-"""Fewer say nothing."""
+"""Least number of fixes for a comparison."""
 APART = 5.99
-"""Chi-square of two degrees of freedom at 95 %."""
+"""Normalised squared difference beyond which two fixes disagree: chi-square, 2 degrees of freedom, 95 %."""
 QUARTER_TURNS = (90.0, 180.0, -90.0)
-"""Of the mount about the body's down axis, degrees: the usual mistakes."""
+"""Turns of the mount about the body's down axis that are tried, degrees: the usual mistakes."""
 MANY_APART = 0.4
-"""Of the fixes. Seen with the mock: at most 0.3 in healthy flights, 0.45 and more with a mount turned by 90 deg."""
+"""Share of disagreeing fixes beyond which a turn of the mount is searched. With the mock, the share is at most 0.3 in
+healthy flights, 0.45 and more with a mount turned by 90 deg."""
 MENDED = 0.5
-"""A quarter turn that brings the spread below this share of itself is the likely mistake."""
+"""Factor on the spread of the fixes: a quarter turn that reduces it below this factor is the likely mistake."""
 
 Horizontal: TypeAlias = tuple[float, float]
 Target: TypeAlias = tuple[str, int | None]
@@ -66,7 +68,7 @@ class FixAgreement:
             self._of(target).append(fix)
 
     def _of(self, target: Target) -> deque[GroundFix]:
-        """Return the kept fixes of one target, now the newest; the target that was seen longest ago makes room."""
+        """Return the kept fixes of one target, and make it the newest; the target seen longest ago makes room."""
         kept = self._kept.pop(target, None)
         if kept is None:
             kept = deque(maxlen=KEPT)
@@ -114,14 +116,14 @@ class FixAgreement:
 
 
 def _quarter_turn(fixes: Sequence[GroundFix], points: Sequence[Horizontal]) -> float | None:
-    """Return the turn of the mount, degrees, with which the same pixels agree; None if no quarter turn does."""
+    """Return the quarter turn of the mount, degrees, with which the same pixels agree; None if there is none."""
     spreads = {turn: _spread(_turned(fixes, turn)) for turn in QUARTER_TURNS}
     best = min(spreads, key=spreads.__getitem__)
     return best if spreads[best] < MENDED * _spread(points) else None
 
 
 def _turned(fixes: Sequence[GroundFix], turn_deg: float) -> list[Horizontal]:
-    """Return where the rays meet the level of their fixes with the mount turned about the body's down axis."""
+    """Return the rays' intersections with the level of their fixes, the mount turned about the body's down axis."""
     c, s = cos(turn_deg * pi / 180.0), sin(turn_deg * pi / 180.0)
     about_down: Matrix3 = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
     points = []

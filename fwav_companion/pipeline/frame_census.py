@@ -10,14 +10,14 @@ from fwav_companion.types import Frame, StampClock
 from fwav_companion.types.flight_status import HeardReport
 
 MOST_LABELS = 16
-"""Enough for a line of text; a detector may send any number."""
+"""Most labels that are counted: enough for a line of text. A detector may send any number."""
 WINDOW_NS = 2 * NS_PER_S
 WINDOWS = 6
-"""The least age of each is kept: jitter only adds to it, and twelve seconds show a queue that grows."""
+"""Number of windows whose least age is kept. Jitter only adds to an age, and twelve seconds show a growing queue."""
 
 
 class FrameCensus:
-    """Counts over all frames; ages of the last seconds."""
+    """Counts labels and scores over all frames, and keeps the ages of the stamps of the last seconds."""
 
     def __init__(self) -> None:
         self._labels: dict[str, int] = {}

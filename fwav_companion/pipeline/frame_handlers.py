@@ -1,6 +1,6 @@
-"""Handles frames: into the camera's pipeline, and what it makes of them to the publisher and the targets file. Pure.
+"""Passes frames to the camera's pipeline, and its results to the publisher and the targets file. Pure.
 
-A relay has no camera: nothing waits, nothing is due, and no frame is answered.
+A relay has no camera: nothing waits, nothing is due, and frames have no effect.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fwav_companion.types import Frame, NoFrame, Reason
 
 
 class FrameHandlers:
-    """Localizes, tracks, publishes and logs what the frames show."""
+    """Localizes, tracks, publishes and logs the detections of frames."""
 
     def __init__(self, components: Components, target_log: TargetLog, outputs: OutputBuffer, *, live: bool) -> None:
         """``live``: false in a replay, where no message is sent."""
@@ -38,7 +38,7 @@ class FrameHandlers:
             self.take_ready(now)
 
     def take_ready(self, now: HostNs) -> int:
-        """Localize, track and publish the frames whose attitudes are there. Returns how many there were."""
+        """Localize, track and publish the frames whose attitudes are known. Returns the number of these frames."""
         if self._camera is None:
             return 0
         taken = self._camera.frames_taken
@@ -53,7 +53,7 @@ class FrameHandlers:
         return self._camera.frames_taken - taken
 
     def settle(self, now: HostNs) -> None:
-        """Write the lines of the frames in which nothing can change any more."""
+        """Write the lines of the frames that are final."""
         if self._camera is not None:
             self._target_log.settle(self._camera.settle(now), self._components.telemetry.world.plane)
 
@@ -64,7 +64,7 @@ class FrameHandlers:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is."""
+        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is due."""
         return None if self._camera is None else self._camera.wake_at
 
     @property
@@ -79,7 +79,7 @@ class FrameHandlers:
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:
-        """Result of self-calibration with which the next flight may begin; None without one."""
+        """Result of self-calibration that the next flight may start from; None without one."""
         report = None if self._camera is None else self._camera.calibration
         return None if report is None else report.keep
 

@@ -8,14 +8,14 @@ from fwav_companion.types import LandmarkRecord, LandmarkState, Notice, NoticeCo
 from fwav_companion.types.flight_status import LandmarkReport
 
 FEWEST = 5
-"""Sights after which a landmark is reported as used."""
+"""Number of used sights from which a landmark is reported as used."""
 NOT_APPLIED = (
     'landmarks are not used: they correct standing targets ([tracking] motion = "static") by filter = "kalman" alone'
 )
 
 
 class LandmarkNotices:
-    """The landmarks that were reported."""
+    """Makes the notices about landmarks, each once."""
 
     def __init__(self) -> None:
         self._reported: set[tuple[str, LandmarkState]] = set()
@@ -43,7 +43,7 @@ class LandmarkNotices:
 
 
 def landmark_reports(records: Sequence[LandmarkRecord]) -> list[LandmarkReport]:
-    """The part of the status."""
+    """The landmarks' part of the status."""
     return [
         LandmarkReport(
             label=record.label,

@@ -1,4 +1,4 @@
-"""The shift of an elevation model by a landmark, and its return where that landmark is left out. Pure."""
+"""Shifts an elevation model by a landmark, and undoes the shift where that landmark is left out. Pure."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from fwav_companion.types import Landmark, LandmarkAltitude, LandmarkRecord, Lan
 
 
 class LandmarkShift:
-    """The landmark that shifted the model."""
+    """Shifts the elevation model by landmarks, and keeps which landmark shifted it."""
 
     def __init__(self, landmarks: Sequence[Landmark]) -> None:
         self._landmarks = tuple(landmarks)
         self._by: int | None = None
 
     def applied(self, ground: Ground, altitude: LandmarkAltitude | None, records: Sequence[LandmarkRecord]) -> str:
-        """Shift a model whose shift is not confirmed by what a landmark shows, or take that back; the notice, or ""."""
+        """Shift an uncertainly placed model by a landmark's altitude, or undo such a shift; the notice, or ""."""
         if not isinstance(ground, TerrainGround) or ground.shift is None or not ground.shift.sigma_m:
             return ""
         if self._by is not None and records[self._by].state is LandmarkState.LEFT_OUT:

@@ -30,7 +30,7 @@ from fwav_companion.types import Notice, NoticeCode, Severity
 
 
 def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
-    """The notice of an event; empty for events that people need not know."""
+    """The notices of an event; empty for events that people need not know."""
     if isinstance(event, Adopted | SeveralHeard | NeighbourHeard | AutopilotLost | AutopilotBack | Rebooted):
         return (_of_the_autopilot(event),)
     return (_of_the_clock(event),) if isinstance(event, ClockSlipped | ClockRate) else _of_the_vehicle(event)

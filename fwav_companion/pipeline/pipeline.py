@@ -1,7 +1,7 @@
-"""The pipeline on one page: messages and frames in; messages, lines and notices out. Pure: it is handed the time.
+"""The pipeline on one page: messages and frames in; messages, lines and notices out. Pure: the time is an argument.
 
-``run`` drives it from sockets, ``replay`` from files, tests from simulated time. Before every event it does what was
-due earlier, at the time it was due: so the load of the machine does not change the estimates.
+``run`` drives it from sockets, ``replay`` from files, tests from simulated time. Before every event it does the work
+that was due earlier, with the time at which it was due, so that the machine's load does not change the estimates.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
 ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
 LONGEST_SILENCE_NS = 3600 * NS_PER_S
-"""Time without any event through which clock lines are written; longer, a recording has a gap, and nothing is in it."""
+"""Longest time without an event through which clock lines are written. A longer one is a gap of a recording; it gets
+no lines."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
-"""Silence after an internal fault, long enough for peers to notice: they allow five missed heartbeats."""
+"""Pause of the heartbeats after an internal fault, long enough for peers to notice: they allow five missed ones."""
 
 
 class Pipeline:
@@ -100,7 +101,7 @@ class Pipeline:
             self._outputs.notify(components.publisher.notices(), now)
 
     def _on_attitude(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
-        """Handle an attitude: most messages are attitudes, and most of them change nothing that is due."""
+        """Handle an attitude. Most messages are attitudes, and most of them do not change what is due."""
         components = self._components
         components.rates.on_message(message, now)
         if message.system != autopilot.system or message.component != autopilot.component:
@@ -114,7 +115,7 @@ class Pipeline:
         self._due_is_known = not events and not taken and world.wake_at == due_ns
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
-        """Handle a recorded message that we sent ourselves: our TIMESYNC requests are read from it."""
+        """Handle a recorded message that the service itself sent: its TIMESYNC requests are read from it."""
         self.advance(now)
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
             self._components.timesync.on_sent(message.fields.ts1, now)
@@ -122,7 +123,7 @@ class Pipeline:
     def on_rate_requests(
         self, passed: Sequence[PassedRequest], demanded: Mapping[int, float], now: HostNs
     ) -> list[Outgoing]:
-        """Handle requests for message rates that were forwarded; returns our messages for the same write.
+        """Handle requests for message rates that were forwarded; returns the service's messages for the same write.
 
         ``demanded``: highest rate that stations want, hertz by message id.
         """
@@ -134,7 +135,7 @@ class Pipeline:
         return rates.on_merged_requests([one.request for one in passed if one.merged], demanded, now)
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
-        """The highest rate that stations want, hertz by message id; it changes when they fall silent too."""
+        """Set the highest rate that stations want, hertz by message id; it also changes when they fall silent."""
         self._components.rates.stations_want(demanded)
 
     def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
@@ -143,17 +144,17 @@ class Pipeline:
         self._frames.of_frame(frame, now)
 
     def spot_views(self, frame: Frame, now: HostNs) -> SpotViews:
-        """Where the clicked spots must be in a picture that the camera process has just taken."""
+        """Predicted views of the clicked spots in a picture that the camera process has just taken."""
         self.advance(now)
         return self._components.spot_views(frame)
 
     def track_marks(self, frame: Frame, now: HostNs) -> TrackMarks:
-        """Where a picture that someone looks at shows the tracks."""
+        """Pixels of the confirmed and coasting tracks in a picture of the preview."""
         self.advance(now)
         return self._components.track_marks(frame)
 
     def on_spot_refused(self, refused: SpotRefused, now: HostNs) -> None:
-        """Handle that a clicked spot cannot be followed."""
+        """Handle the camera process's report that it cannot follow a clicked spot."""
         self.advance(now)
         self._outputs.notify(self._components.on_spot_refused(refused), now)
 
@@ -178,21 +179,21 @@ class Pipeline:
         self._outputs.notify(notices, now)
 
     def on_internal_fault(self, now: HostNs) -> None:
-        """Stop our heartbeats for a while after an internal fault: our messages may be wrong."""
+        """Pause the heartbeats after an internal fault: the service's messages may be wrong."""
         self._components.identity.beats.fault()
         self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which :meth:`advance` has work; None: not before the next event. Computed once an event."""
+        """Instant at which :meth:`advance` has work; None: not before the next event. Computed once per event."""
         if not self._due_is_known:
             self._due_ns = min([due for due in self._dues() if due is not None], default=None)
             self._due_is_known = True
         return self._due_ns
 
     def advance(self, now: HostNs) -> None:
-        """Do all that was due until now, in order and at its own time."""
+        """Do all work that was due until now, in order, each with the time at which it was due."""
         if self._clock_line_ns is None:
             self._clock_line_ns = self._seconds.next_after(now)
             if self._live:
@@ -224,12 +225,12 @@ class Pipeline:
 
     @property
     def target_log(self) -> TargetLog:
-        """The lines of the targets file, with its first and last one."""
+        """The log with the lines of the targets file, header and summary included."""
         return self._target_log
 
     @property
     def best_targets(self) -> dict[int, TargetEstimate]:
-        """The targets of all live tracks, by id; a study asks what limits them."""
+        """The targets of all live tracks, by id; studies read from them what limits the accuracy."""
         return self._frames.best_targets
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
@@ -250,17 +251,17 @@ class Pipeline:
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:
-        """Result of self-calibration with which the next flight may begin; None without one."""
+        """Result of self-calibration that the next flight may start from; None without one."""
         return self._frames.calibration_to_keep
 
     @property
     def identity(self) -> Identity:
-        """Our system id, and the adopted autopilot."""
+        """The service's system id, and the adopted autopilot."""
         return self._components.identity
 
     @property
     def own_streams(self) -> OwnStreams:
-        """The messages that we ask of the autopilot."""
+        """The messages that the service requests from the autopilot."""
         return self._components.rates.own_streams
 
     @property
@@ -278,11 +279,11 @@ class Pipeline:
         return self._outputs.take()
 
     def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
-        """For other vehicles: the believed tracks, the vehicle, and why it is not ready (None: it is)."""
+        """For other vehicles: the confirmed and coasting tracks, the vehicle, and why it is not ready (None: ready)."""
         return self._components.shared(now)
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
-        """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""
+        """Corners of the camera's footprint on the ground, latitude and longitude, degrees; empty where unknown."""
         return self._components.footprint(now)
 
     def status(self, now: HostNs) -> PipelineStatus:
@@ -305,7 +306,7 @@ class Pipeline:
         return always + self._speaker.dues()
 
     def _wake(self, due: HostNs, now: HostNs) -> None:
-        """Let every room do what is due: estimation at the time it was due, messages at the present time."""
+        """Let every room do its due work: estimation with the time it was due, messages with the present time."""
         components = self._components
         self._handlers.of_identity(components.identity.on_wake(due), now)
         self._handlers.of_telemetry(components.telemetry.on_wake(due), due)

@@ -57,9 +57,10 @@ WANTED = frozenset(
         "MESSAGE_INTERVAL", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS",
     }
 )  # fmt: skip
-"""Messages that a room uses; no other is decoded."""
+"""Names of the messages that are used; no other is decoded."""
 FILTER_STATUS_HZ = 0.5
-"""Whether the autopilot's filter uses the receiver: 20 bytes/s, and known two seconds after a change."""
+"""Rate of the messages that show whether the autopilot's filter uses the receiver: 20 bytes/s, and known two seconds
+after a change."""
 
 
 def make_pipeline(
@@ -77,13 +78,14 @@ def make_pipeline(
     clock_rate: float = 1.0,
     written: bool = True,
 ) -> Pipeline:
-    """The pipeline of one flight; without a calibration that of a relay, which localizes nothing.
+    """The pipeline of one flight. Without a calibration it is the pipeline of a relay, which localizes nothing.
 
     ``elevation``: tiles of [ground] terrain. ``kept``: a calibration of an earlier flight with this camera.
     ``own_filter``: replaces [tracking] filter; required where that names a class of the user (ConfigError).
-    ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: for
-    callers that read attitudes long afterwards; None: as long as flying needs them. ``clock_rate``: of the autopilot's
-    clock, by all arrivals of a recording. ``written``: false where the lines are not used.
+    ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: time for
+    which attitudes are kept, for callers that read them long afterwards; None: as long as flying needs them.
+    ``clock_rate``: rate of the autopilot's clock from all arrivals of a recording. ``written``: false where the lines
+    are not used.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -145,7 +147,7 @@ def make_camera(
     own_filter: Filter | None = None,
     sightings: bool = False,
 ) -> CameraPipeline:
-    """The pipeline of one camera. ``vehicle``: its telemetry, or the poses of photographs."""
+    """The pipeline of one camera. ``vehicle``: the vehicle's telemetry, or the poses of photographs."""
     landmarks = [landmark.known for landmark in config.landmark]
     if own_filter is None:
         tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept, landmarks=landmarks)
@@ -167,7 +169,7 @@ def make_camera(
 
 
 def own_components(config: Config) -> frozenset[int]:
-    """The component ids that we speak as."""
+    """The component ids under which the service sends."""
     return frozenset({config.vehicle.component_id, CAMERA_COMPONENT_ID})
 
 
@@ -203,8 +205,8 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
 
 
 def _wanted_by(config: Config) -> dict[str, float]:
-    """Further messages by rate, Hz, that a position by the receiver's own word, an elevation ground or a gimbal behind
-    the autopilot needs.
+    """Rates, Hz, of further messages by name: for the receiver's own position accuracy, for an elevation model, or for
+    a gimbal behind the autopilot.
     """
     wanted = {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
     if config.localizes and config.uncertainty.position_bias_m == "auto":

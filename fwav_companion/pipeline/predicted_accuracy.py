@@ -14,9 +14,10 @@ from fwav_companion.pairing import Pairer, VehicleSource
 from fwav_companion.types import GroundFix, NoFix, NoRay, Reason, Sighting, Unpaired
 
 FLYING_M = 2.0
-"""Below this height the vehicle is about to take off: the prediction is made for :data:`NOMINAL_M`."""
+"""Height of flight, metres. Below it the vehicle is about to take off, and the prediction is made for
+:data:`NOMINAL_M`."""
 NOMINAL_M = 10.0
-"""Height of that prediction, metres."""
+"""Height for which the accuracy is predicted before take-off, metres."""
 
 
 class PredictedAccuracy(msgspec.Struct, frozen=True):
@@ -39,7 +40,7 @@ def predicted_accuracy_below(
     if not isinstance(height_m, Reason) and height_m < FLYING_M:
         raised = _raised(sighting, NOMINAL_M - height_m)
         raised_m = _height_m(localizer, raised)
-        if not isinstance(raised_m, Reason) and raised_m > height_m:  # a ground at a fixed distance moves along
+        if not isinstance(raised_m, Reason) and raised_m > height_m:  # not so where the ground's distance is fixed
             sighting, height_m = raised, raised_m
     fix = localizer.locate(sighting)
     if isinstance(height_m, Reason):
@@ -51,7 +52,7 @@ def predicted_accuracy_below(
 
 
 def _look_down(pairer: Pairer, telemetry: VehicleSource) -> Sighting | Reason:
-    """Sighting of the point straight below; of the middle of the picture where that point is outside it."""
+    """Sighting of the point straight below, or of the picture's middle where that point is outside the picture."""
     state = telemetry.newest_state()
     if isinstance(state, Unpaired):
         return state.reason

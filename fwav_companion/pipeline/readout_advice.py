@@ -9,17 +9,17 @@ from fwav_companion.types import Bias, ErrorPriors, GroundFix, Notice, NoticeCod
 from fwav_companion.types.flight_status import ReadoutReport
 
 MEMORY = 100
-"""Fixes over which the shares are averaged: ten wing beats of 5 Hz at 50 fixes/s."""
+"""Number of fixes over which the variances are averaged: ten wing beats of 5 Hz at 50 fixes/s."""
 FEWEST = 20
 MATTERS = 0.2
-"""Of the horizontal variance of a fix relative to the vehicle, by the unknown readout alone: sigma is then 1.1 times
-what it could be. The error of the vehicle's own position is another matter."""
+"""Share of the unknown readout in the horizontal variance of a fix relative to the vehicle, from which advice is given:
+sigma is then 1.1 times what it would be with a known readout. The error of the vehicle's own position is excluded."""
 LEAST_M = 0.1
-"""Sigma by the readout below which no advice is given, metres."""
+"""One sigma due to the readout below which no advice is given, metres."""
 
 
 class ReadoutAdvice:
-    """Running mean of the horizontal variance of fixes relative to the vehicle, and its part by the unknown readout."""
+    """Running means of the horizontal variance of fixes relative to the vehicle, and of the unknown readout's part."""
 
     def __init__(self, priors: ErrorPriors) -> None:
         self._variance = priors.sigma(Bias.READOUT) ** 2
@@ -31,7 +31,7 @@ class ReadoutAdvice:
         """Take one of the fixes of a frame."""
         if self._variance == 0.0 or not fixes:
             return
-        fix = fixes[self._count % len(fixes)]  # one after the other: each costs a covariance
+        fix = fixes[self._count % len(fixes)]  # one fix of a frame, in turn: each costs a covariance
         self._count += 1
         gain = max(1.0 / self._count, 1.0 / MEMORY)
         (north, east, _), cov = fix.bias_jacobian[Bias.READOUT], fix.relative_cov
@@ -48,7 +48,7 @@ class ReadoutAdvice:
         )
 
     def notices(self) -> tuple[Notice, ...]:
-        """The advice, once."""
+        """The advice as a notice, the first time that it applies."""
         if self._advised or not self.matters:
             return ()
         self._advised = True

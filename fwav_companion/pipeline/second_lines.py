@@ -1,7 +1,4 @@
-"""What is written and reported once a second: the clock, self-calibration, landmarks, an unknown readout.
-
-Pure.
-"""
+"""Lines and notices once a second: the clock, self-calibration, landmarks, an unknown readout. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from fwav_companion.recording.lines import unix_seconds
 
 
 class SecondLines:
-    """Lines and notices of each whole second of the recording's clock: a replay writes them at the same instants."""
+    """Writes lines and notices at each whole second of the recording's clock, in a replay at the same instants."""
 
     def __init__(
         self, components: Components, target_log: TargetLog, outputs: OutputBuffer, unix_offset_ns: int
@@ -27,7 +24,7 @@ class SecondLines:
         self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
 
     def next_after(self, now: HostNs) -> HostNs:
-        """The next whole second."""
+        """Host instant of the next whole second of the recording's clock."""
         return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)
 
     def write(self, at: HostNs) -> None:

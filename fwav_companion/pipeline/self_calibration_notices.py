@@ -26,7 +26,7 @@ class SelfCalibrationNotices:
         self._reported_status = CalibrationStatus.WAITING
 
     def line(self, report: CalibrationReport, time_unix: float) -> Line:
-        """Line for the recording. Its time offset is the total, including the configured one."""
+        """Line for the recording. Its time offset is the total, the configured one included."""
         return calibration_line(
             time_unix,
             self._time_offset_s + report.time_offset_s,
@@ -78,7 +78,7 @@ class SelfCalibrationNotices:
         return sorted(self._time_offset_s + delay for delay in report.alternatives)
 
     def configuration_lines(self, report: CalibrationReport) -> list[str]:
-        """Lines to paste into the configuration for the next flight; only for what was found."""
+        """Lines to paste into the configuration for the next flight; only for parameters that were found."""
         if report.status not in (CalibrationStatus.TIME, CalibrationStatus.CALIBRATED):
             return []
         lines = [f"[camera] time_offset_s = {self._time_offset_s + report.time_offset_s:.4f}"]
@@ -89,7 +89,7 @@ class SelfCalibrationNotices:
         return lines
 
     def status(self, report: CalibrationReport) -> SelfCalibrationReport:
-        """Part of the status."""
+        """Self-calibration's part of the status."""
         return SelfCalibrationReport(
             status=report.status.value,
             reason=report.reason,

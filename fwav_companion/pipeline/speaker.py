@@ -1,4 +1,4 @@
-"""What a live service says at its own time: heartbeats, TIMESYNC, rate requests, statuses, readiness. Pure."""
+"""Periodic messages of a live service: heartbeats, TIMESYNC, rate requests, statuses, readiness. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Speaker:
         self._handlers = handlers
 
     def dues(self) -> tuple[HostNs | None, ...]:
-        """Instants at which something is due, besides the heartbeats."""
+        """Instants of the next messages of each room, heartbeats excepted; None where a room has none."""
         components = self._components
         return (
             components.timesync.wake_at,
@@ -27,7 +27,7 @@ class Speaker:
         )
 
     def speak(self, now: HostNs) -> None:
-        """Send all that is due."""
+        """Send all messages that are due."""
         components, messages = self._components, self._outputs.messages
         healthy = components.identity.autopilot is not None and not components.identity.autopilot_lost
         messages += components.identity.heartbeats(now, healthy)

@@ -17,8 +17,8 @@ from fwav_companion.types import GroundFix, NoFix, Notice, NoticeCode, Reason, T
 from fwav_companion.types.flight_status import LandmarkReport
 
 MAX_HELD_LINES = 4096
-"""Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
-detections a frame at 30 frames/s make 3000 sightings in that time."""
+"""Most lines that wait for the header. The header waits for the origin, which is decided 10 s after the first attitude
+at the latest. Ten detections a frame at 30 frames/s make 3000 sightings in that time."""
 
 SUMMARIZED = frozenset(
     {
@@ -28,16 +28,16 @@ SUMMARIZED = frozenset(
         NoticeCode.CALIBRATION_DROPPED,
     }
 )  # fmt: skip
-"""Notices that the summary repeats: a replay has no log, and these say why its targets are as they are."""
+"""Notices that the summary repeats, because a replay has no log. They explain the state of its targets."""
 QUIET_NS = NS_PER_S
-"""Time between two lines of a track that no frame saw, looked for or changed meanwhile."""
+"""Time between two lines of a track without news: no frame saw it, covered its place or changed its state meanwhile."""
 
 
 class TargetLog:
     """Writes the lines of one targets file, and counts for its summary."""
 
     def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int, *, written: bool = True) -> None:
-        """``written``: false where the lines are not used: only counts are kept then."""
+        """``written``: false where the lines are not used; then only counts are kept."""
         self.written = written
         """Whether lines are used; without them only counts are kept."""
         self._version = version
@@ -56,14 +56,14 @@ class TargetLog:
         self.terrain: Line | None = None
         """Last shift of the elevation model, for the summary."""
         self.landmarks: Callable[[], list[LandmarkReport]] = list
-        """What each landmark showed by now, for the summary."""
+        """Returns the present reports of the landmarks, for the summary."""
         self._notices: dict[NoticeCode, tuple[str, int]] = {}
         """First text and count of the notices for the summary."""
         self._dropped_frames: Counter[Reason] = Counter()
         self._dropped_detections: Counter[Reason] = Counter()
 
     def note(self, notice: Notice) -> None:
-        """Count a notice, where the summary repeats it."""
+        """Count a notice if the summary repeats it."""
         if notice.code in SUMMARIZED:
             text, count = self._notices.get(notice.code, (notice.text, 0))
             self._notices[notice.code] = (text, count + 1)
@@ -85,7 +85,7 @@ class TargetLog:
         self.lines.extend(held)
 
     def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
-        """Take the origin into the header, or into a line of its own where the header is written."""
+        """Write the origin into the header, or into a line of its own where the header is already written."""
         if self._held is not None:
             self.begin(origin)
         else:
@@ -110,7 +110,7 @@ class TargetLog:
         self._sightings[host_ns, frame] = lines
 
     def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
-        """Write sightings and targets of settled frames. ``plane``: of the world in which they were seen."""
+        """Write the sightings and targets of settled frames. ``plane``: tangent plane of their positions."""
         for frame in frames:
             for reason, count in frame.unused_fixes.items():
                 self.drop_detection(reason, count)
@@ -123,7 +123,7 @@ class TargetLog:
                     self.write(target_line(track, plane, self._unix_offset_ns))
 
     def _is_due(self, track: Track) -> bool:
-        """Whether a track has a line of this frame: it was seen, looked for or changed state, or was quiet for long."""
+        """Whether a track gets a line for this frame: it was seen, looked for, changed state or was quiet for long."""
         state, written_ns = self._last_lines.get(track.id, (None, HostNs(0)))
         seen = track.last_seen_host_ns == track.host_ns
         quiet = track.state is state and not (seen or track.looked_for)
@@ -156,11 +156,11 @@ class TargetLog:
         return _by_name(self._dropped_frames + self._dropped_detections)
 
     def refused_frames(self) -> dict[str, int]:
-        """The same of frames that were refused as a whole."""
+        """Counts by reason of frames that were refused as a whole, in alphabetical order."""
         return _by_name(self._dropped_frames)
 
     def refused_detections(self) -> dict[str, int]:
-        """The same of detections in frames that were used."""
+        """Counts by reason of refused detections in frames that were used, in alphabetical order."""
         return _by_name(self._dropped_detections)
 
     def header(self) -> Line | None:
@@ -171,7 +171,7 @@ class TargetLog:
         return header_line(self._version, self._origin, self._unix_offset_ns, self._config)
 
     def summary(self) -> Line:
-        """Last line of the file."""
+        """The summary, last line of the file."""
         terrain = {} if self.terrain is None else {"terrain": self.terrain}
         shown = [msgspec.structs.asdict(landmark) for landmark in self.landmarks()]
         landmarks = {"landmarks": shown} if shown else {}

@@ -12,7 +12,7 @@ from fwav_companion.types import Notice, NoticeCode, Severity
 
 
 class TerrainReports:
-    """Writes what the ground says of its shift."""
+    """Reports changes of the elevation model's shift, each once."""
 
     def __init__(self, target_log: TargetLog, outputs: OutputBuffer, unix_offset_ns: int) -> None:
         """``unix_offset_ns``: recording's clock minus host clock."""
@@ -22,7 +22,7 @@ class TerrainReports:
         self._reported: tuple[TerrainShift | None, str] = (None, "")
 
     def report(self, camera: CameraPipeline, text: str, now: HostNs) -> None:
-        """Write the present shift, and the ground's text as a notice, each where it is news; "" is no notice."""
+        """Write the present shift as a line and ``text`` as a notice if either changed; "" gives no notice."""
         shift = camera.terrain_shift
         before, self._reported = self._reported, (shift, text)
         if before == self._reported:

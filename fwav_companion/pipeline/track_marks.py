@@ -1,4 +1,4 @@
-"""Where a picture of our own camera shows the tracks: for the preview. PURE."""
+"""Pixels of the tracks in a picture of the service's own camera, for the preview. PURE."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from fwav_companion.types import Frame, Track
 from fwav_companion.types.track_marks import TrackMark, TrackMarks
 
 MOST_MARKS: Final = 32
-"""More would hide the picture."""
+"""Most marks in a picture: more would hide it."""
 
 
 def track_marks(camera: SpotCamera, frame: Frame, tracks: Iterable[Track], selected: Track | None) -> TrackMarks:
-    """The tracks that a picture shows, at most MOST_MARKS, the selected one first."""
+    """Marks of the tracks that a picture shows, at most MOST_MARKS, the selected track's first."""
     rows = camera.picture_rows(frame)
     if rows is None:
         return TrackMarks(frame.picture or 0, ())

@@ -59,16 +59,16 @@ class Frame(msgspec.Struct, frozen=True):
     exposure_s: float | None = None
     """Exposure time, seconds; None where the source does not report it."""
     picture: int | None = None
-    """Number of the picture where our own camera process keeps it for clicks."""
+    """Number of the picture in the service's own camera process, which keeps it for clicks; None for other sources."""
 
 
 class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What a camera really delivers, by its newest pictures."""
+    """Size, rate and ages of the pictures that a camera actually delivers, from its newest ones."""
 
     size: tuple[int, int]
     """Width and height, pixels."""
     fps: float
-    """Pictures a second, those that were skipped included."""
+    """Pictures a second, skipped ones included."""
     exposure_s: float | None = None
     """Exposure of the newest picture, seconds; None where the camera does not report it."""
     clock: str = ""
@@ -76,7 +76,7 @@ class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):
     age_s: float | None = None
     """Median age of a picture on arrival, seconds; None where its stamp is on another clock."""
     detector_hz: float = 0.0
-    """Pictures a second that the detector can process on this board, by its median time."""
+    """Pictures a second that the detector can process on this board, from its median time."""
     skipped: int = 0
     """Pictures that were skipped because a newer one had come."""
     frozen: bool = False

@@ -1,4 +1,4 @@
-"""Commands (MAV_CMD) to our components, and their answers."""
+"""Commands (MAV_CMD) to the service's components, and their answers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CommandResult(IntEnum):
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """A COMMAND_LONG or COMMAND_INT that addresses one of our components."""
+    """A COMMAND_LONG or COMMAND_INT that addresses one of the service's components."""
 
     number: int
     """Command number, MAV_CMD."""
@@ -34,7 +34,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     link: str
     """Name of the link on which the command arrived."""
     to_component: int
-    """Component id of the addressed component of ours."""
+    """Component id of the service's component that is addressed."""
     broadcast: bool = False
     """Whether the command was addressed to all systems or components."""
 

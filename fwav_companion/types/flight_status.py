@@ -1,4 +1,4 @@
-"""The flight in the service's status: telemetry, and the way from detections to what is published."""
+"""The flight in the service's status: telemetry, and the chain from detections to published tracks."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
     sigma_s: float | None = None
     """One sigma of the offset, seconds; null in JSON where it is infinite."""
     bound_s: float | None = None
-    """Hard bound of the error, seconds; null likewise."""
+    """Hard bound of the error, seconds; null in JSON where it is infinite."""
     round_trip_s: float | None = None
-    """Best round trip."""
+    """Best round trip, seconds."""
     status: str = "unknown"
     """A :class:`~fwav_companion.types.ClockStatus`."""
     doubtful: bool = False
-    """Whether LANDING_TARGET rests because of it."""
+    """Whether the estimate is doubtful, so that no LANDING_TARGET is sent."""
 
 
 class OriginReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,14 +52,14 @@ class AttitudeReport(msgspec.Struct, frozen=True, kw_only=True):
     interpolation: str = ""
     """Method between two samples."""
     interpolation_sigma: float | None = None
-    """One sigma of that method, rad; None until it was measured."""
+    """One sigma of the interpolated attitude, rad; None until it was measured."""
     motion_hz: float = 0.0
-    """Frequency of the vehicle's motion; 0 where it is still."""
+    """Frequency of the vehicle's motion, Hz; 0 where it is still."""
     motion_swing: float = 0.0
     """RMS amplitude of the motion, rad."""
     too_slow_for_motion: bool = False
     rates_agree: bool = False
-    """Whether the body rates are the derivative of the attitudes, but for a lag and a gain."""
+    """Whether the body rates are the derivative of the attitudes, except for a lag and a gain."""
     rates_lag_s: float | None = None
     rates_gain: float | None = None
 
@@ -73,7 +73,7 @@ class GimbalReport(msgspec.Struct, frozen=True, kw_only=True):
     yaw_from: str | None = None
     """Direction from which yaw counts: ``north`` or ``the vehicle's heading``."""
     interpolation_sigma: float = 0.0
-    """One sigma between two samples, rad."""
+    """One sigma of the attitude between two samples, rad."""
     refused: int = 0
 
 
@@ -81,12 +81,12 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     """The autopilot's telemetry."""
 
     rates_hz: dict[str, float] = {}
-    """By message name, 2 to 4 s back."""
+    """Rates by message name over the last full window, which began 2 to 4 s ago, Hz."""
     attitude_source: str | None = None
     """The message that attitudes are taken from; None before the first."""
     attitudes_kept: int = 0
     attitude_stamp_delay_s: float = 0.0
-    """Delay of the attitude stamps after the sampling, seconds."""
+    """Delay of the attitude stamps relative to the sampling, seconds."""
     attitude_stamps_in_step: bool = False
     """Whether these stamps are synchronous with the sampling."""
     pitch_trim_undone_deg: float | None = None
@@ -98,12 +98,12 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     """Messages that could not be used, by name."""
     reboots: int = 0
     gimbal_unused: int | None = None
-    """gimbal_device_id of a gimbal that is heard while none is configured."""
+    """gimbal_device_id of a gimbal that is received while none is configured."""
     gimbal: GimbalReport | None = None
 
 
 class GroundReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The ground model; each model has its name and the fields of its own."""
+    """The ground model: its name, and the fields that this model has."""
 
     model: str = ""
     """home | fixed | rangefinder | terrain."""
@@ -112,9 +112,9 @@ class GroundReport(msgspec.Struct, frozen=True, kw_only=True):
     height_m: float | UnsetType = UNSET
     """fixed: height of the camera above the surface, metres."""
     fallback: str | UnsetType | None = UNSET
-    """rangefinder: reason why the home surface is used now; null: it is not."""
+    """rangefinder: reason why the home surface is used now; null: it is not used."""
     fallbacks: dict[str, int] | UnsetType = UNSET
-    """rangefinder: counts of these reasons."""
+    """rangefinder: counts of the reasons for using the home surface."""
     source: str | UnsetType = UNSET
     """terrain: ``files`` or ``TERRAIN_REPORT``."""
     datum: str | UnsetType = UNSET
@@ -122,15 +122,15 @@ class GroundReport(msgspec.Struct, frozen=True, kw_only=True):
     shift_m: float | UnsetType = UNSET
     """terrain: shift of the model to the take-off height, metres."""
     shift_sigma_m: float | UnsetType | None = UNSET
-    """terrain: one sigma of the level by this shift, metres; null: not placed yet."""
+    """terrain: one sigma of the model's level after this shift, metres; null: not placed yet."""
     shift_source: str | UnsetType | None = UNSET
-    """terrain: a :class:`~fwav_companion.types.TakeOffSource`; null likewise."""
+    """terrain: a :class:`~fwav_companion.types.TakeOffSource`; null: not placed yet."""
     trouble: str | UnsetType | None = UNSET
     """terrain: reason why the model gives no fixes."""
 
 
 class HeardReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What frames brought, whether it was used or not."""
+    """Contents of all received frames, used or refused."""
 
     labels: dict[str, int] = {}
     """Detections by label."""
@@ -144,48 +144,48 @@ class AgreementReport(msgspec.Struct, frozen=True, kw_only=True):
 
     compared: int = 0
     apart: float = 0.0
-    """Share that disagrees beyond 95 % of what [uncertainty] allows."""
+    """Share of fixes that disagree by more than the 95 % bound of [uncertainty]."""
     apart_m: float = 0.0
-    """Median distance from their middle."""
+    """Median distance of the fixes from their middle, metres."""
     turn_deg: float | None = None
-    """Turn of the mount about the body's down axis with which they agree."""
+    """Turn of the mount about the body's down axis with which the fixes agree, degrees; None: no such turn."""
     label: str = ""
 
 
 class ReadoutReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Part of the error of fixes by an unknown readout."""
+    """Part of an unknown readout in the error of fixes."""
 
     matters: bool = False
     by_readout_m: float = 0.0
-    """One sigma by the readout alone, metres."""
+    """One sigma due to the readout alone, metres."""
     sigma_m: float = 0.0
     """One sigma of fixes relative to the vehicle, metres."""
 
 
 class LandmarkReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What one landmark showed."""
+    """Sights of one landmark, and the use that was made of them."""
 
     label: str
     state: str = "unseen"
     """unseen | used | left_out."""
     used: int = 0
-    """Sights that were used."""
+    """Number of sights that were used."""
     refused: int = 0
-    """Sights that disagreed with all else."""
+    """Number of sights that disagreed with all other measurements."""
     off_m: float = 0.0
-    """Distance between its known place and where refused sights show it, metres."""
+    """Distance between its known place and its place by the refused sights, metres."""
     contradicts: tuple[str, ...] = ()
     """Labels of the landmarks that it contradicts, where the flight does not show which is wrong."""
 
 
 class SightReport(msgspec.Struct, frozen=True, kw_only=True):
-    """From detections to fixes."""
+    """The chain from detections to fixes."""
 
     ground: GroundReport = GroundReport()
     refused: str | None = None
     """Reason why the newest frame was refused."""
     axis_elevation_deg: float | None = None
-    """Elevation of the optical axis above the horizon."""
+    """Elevation of the optical axis above the horizon, degrees."""
     heard: HeardReport = HeardReport()
     agreement: AgreementReport = AgreementReport()
     readout: ReadoutReport = ReadoutReport()
@@ -197,19 +197,19 @@ class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
 
     status: str = ""
     reason: str | None = None
-    """What is missing; None when calibrated."""
+    """Name of what is still missing; None when calibrated."""
     time_offset_s: float = 0.0
-    """Total, with the configured offset."""
+    """Total time offset, the configured one included, seconds."""
     time_offset_sigma_s: float | None = None
     mount_deg: list[float] = []
-    """Correction of the mount, a rotation vector in body axes."""
+    """Correction of the mount, a rotation vector in body axes, degrees."""
     mount_sigma_deg: list[float] = []
     time_offset_rivals_s: list[float] = []
-    """Delays between which the flight does not decide."""
+    """Delays between which the flight does not decide, seconds."""
     mistake: str = ""
     """A gross mistake of the mount."""
     replaced: bool = False
-    """Whether an earlier flight's calibration was dropped, since the camera has moved."""
+    """Whether an earlier flight's calibration was dropped because the camera has moved."""
     configuration_lines: list[str] = []
     """Lines to paste into the configuration."""
 
@@ -233,11 +233,11 @@ class TrackReport(msgspec.Struct, frozen=True, kw_only=True):
     state: str = ""
     """A :class:`~fwav_companion.types.TrackState`."""
     lat: float | None = None
-    """Degrees; null without a global position, as is lon."""
+    """Latitude, degrees; null without a global position, as is the longitude."""
     lon: float | None = None
     alt_amsl: float | None = None
     cov: tuple[float, ...] = ()
-    """Upper triangle of the covariance of the position, NED, m^2, every error source."""
+    """Upper triangle of the position's covariance with every error source, NED, m^2."""
     last_seen_s: float = 0.0
     """Seconds since the last fix."""
     first_seen_s: float = 0.0

@@ -1,4 +1,4 @@
-"""Landmarks: surveyed things that a camera sees, and what their sights showed."""
+"""Landmarks: surveyed objects that a camera sees, and the records of their sights."""
 
 from __future__ import annotations
 
@@ -32,38 +32,38 @@ class LandmarkSight(msgspec.Struct, frozen=True, gc=False):
 
 
 class LandmarkState(StrEnum):
-    """Use that is made of a landmark."""
+    """Whether and how a landmark is used."""
 
     UNSEEN = "unseen"
-    """No sight agreed with it yet."""
+    """No sight has agreed with its known place yet."""
     USED = "used"
     LEFT_OUT = "left_out"
-    """It disagrees with all else by more than its claim."""
+    """It disagrees with all other measurements by more than its survey accuracy allows."""
     NOT_APPLIED = "not_applied"
     """[tracking] chooses a filter or a motion that landmarks do not correct."""
 
 
 class LandmarkRecord(msgspec.Struct, frozen=True, gc=False):
-    """What the sights of one landmark showed so far."""
+    """Record of the sights of one landmark so far."""
 
     label: str
     state: LandmarkState = LandmarkState.UNSEEN
     used: int = 0
-    """Sights that were used."""
+    """Number of sights that were used."""
     refused: int = 0
-    """Sights that disagreed with all else."""
+    """Number of sights that disagreed with all other measurements."""
     off_m: float = 0.0
-    """Distance between its known place and where sights that disagree show it, metres."""
+    """Distance between its known place and its place by the sights that disagree, metres."""
     contradicts: tuple[str, ...] = ()
     """Labels of the landmarks that it contradicts, where the flight does not show which is wrong."""
 
 
 class LandmarkAltitude(msgspec.Struct, frozen=True, gc=False):
-    """The vehicle's altitude above sea level against that of a landmark."""
+    """Error of the vehicle's reported altitude above sea level, as a landmark shows it."""
 
     landmark: int
     """Index of the landmark in the configuration."""
     too_high_m: float
     """Reported minus true altitude, metres."""
     sigma_m: float
-    """One sigma of it and of the landmark's own altitude, metres."""
+    """One sigma of this error, that of the landmark's own altitude included, metres."""

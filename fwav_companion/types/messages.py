@@ -19,16 +19,16 @@ class Message(msgspec.Struct, frozen=True, gc=False):
     component: int
     """Component id of the sender."""
     link: str
-    """Name of the link on which it arrived; "" in a recording."""
+    """Name of the link on which the message arrived; "" in a recording."""
     fields: Any
-    """Record with the fields of the definition as attributes, in its order; iterates as a tuple. Arrays are tuples,
-    text is str."""
+    """Record with the fields of the message definition as attributes, in the definition's order. It iterates as a
+    tuple. Arrays are tuples, text is str."""
     signed: bool = False
-    """Whether it carried a signature that was verified."""
+    """Whether the message carried a signature that was verified."""
 
 
 class Destination(StrEnum):
-    """Destination of an outgoing message; it determines the links."""
+    """Destination of an outgoing message. It determines the links on which the message leaves."""
 
     AUTOPILOT = "autopilot"
     """The adopted autopilot, on the links where it was received."""
@@ -175,7 +175,7 @@ class NoticeCode(StrEnum):
 
 
 class Severity(StrEnum):
-    """How urgent a notice is; in the log NOTICE is shown as INFO, as STATUSTEXT it has a level of its own."""
+    """Urgency of a notice. The log shows NOTICE as INFO; STATUSTEXT has a level of its own for NOTICE."""
 
     INFO = "info"
     NOTICE = "notice"
@@ -193,7 +193,7 @@ class Notice(msgspec.Struct, frozen=True):
 
 
 class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of ours that is to be sent."""
+    """A message that the service is to send."""
 
     name: str
     """Its MAVLink name."""
@@ -201,7 +201,7 @@ class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
     """Values by field name; an extension field left out is 0."""
     to: Destination
     component: int
-    """The component of ours that sends it: the companion or its camera."""
+    """Component id that sends it: the companion or its camera."""
     link: str = ""
     """For REPLY: the link on which the request arrived."""
     notice: NoticeCode | None = None

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 REQUESTS: Final = 20
-"""TIMESYNC requests without an answer before the autopilot counts as silent: 2 s."""
+"""Number of TIMESYNC requests without an answer before the autopilot counts as silent: 2 s."""
 
 
 class PeerStatistics(msgspec.Struct, frozen=True, kw_only=True):
@@ -17,11 +17,11 @@ class PeerStatistics(msgspec.Struct, frozen=True, kw_only=True):
     system: int
     component: int
     received: int = 0
-    """Frames."""
+    """Number of received frames."""
     lost: int = 0
     """Lost frames by sequence number, on this link, before any filtering; a lower bound after long silences."""
     late: int = 0
-    """Frames that arrived after their successors: received, not lost."""
+    """Number of frames that arrived after their successors. They count as received, not as lost."""
     silent_s: float = 0.0
     """Time since the last frame, seconds."""
     rates_hz: dict[str, float] = {}
@@ -41,7 +41,7 @@ class ThinnedMessage(msgspec.Struct, frozen=True, kw_only=True):
     at_most_hz: float | None = None
     """Highest rate per sender, hertz; None: as the budget allows."""
     thinned: int = 0
-    """Frames that did not leave, since the start."""
+    """Number of frames that were not forwarded, since the start."""
 
 
 class LinkThinning(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,12 +49,12 @@ class LinkThinning(msgspec.Struct, frozen=True, kw_only=True):
 
     messages: list[ThinnedMessage] = []
     max_bytes_per_s: float | None = None
-    """Budget that holds now, with the radio's feedback; None: no budget."""
+    """Present budget, the radio's feedback included; None: no budget."""
     why: str | None = None
     """Source of the budget: ``max_bytes_per_s`` or ``radio_status``."""
     sent_bytes_per_s: float | None = None
     offered_bytes_per_s: float | None = None
-    """Load offered to the link in the last second; this and the bytes sent are None without a budget and a radio."""
+    """Load offered to the link in the last second; as the bytes sent, None where there is no budget and no radio."""
     common_hz: float | None = None
     """Rate that fast streams are cut to, hertz; None: all fit."""
     txbuf: int | None = None
@@ -62,7 +62,7 @@ class LinkThinning(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """MAVLink of one link since the start; of its peers since they were first heard, or restarted."""
+    """MAVLink counters of one link since the start. Peers count since they were first heard, or restarted."""
 
     name: str
     up: bool = False
@@ -71,31 +71,31 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     skipped_bytes: int = 0
     """Bytes that belong to no frame."""
     shed_bytes: int = 0
-    """Of these: bytes that were not examined, because the link used up its trials."""
+    """Number of skipped bytes that were not examined, because the link used up its trials."""
     not_understood: int = 0
     duplicates: int = 0
     echoes: int = 0
     """Frames of this service that came back."""
     own_ids_on_gcs: int = 0
-    """Frames with the autopilot's ids that came on another role's link, and were dropped."""
+    """Frames with the autopilot's ids that arrived on a link of another role, and were dropped."""
     id_conflict: int = 0
-    """Frames of a second program with our ids."""
+    """Frames of a second program with the service's ids."""
     stopped: int = 0
     thinned: int = 0
     refused_signatures: int = 0
     """Frames with a signature that does not verify."""
     refused_unsigned: int = 0
-    """Unsigned frames that were not believed."""
+    """Unsigned frames that were refused."""
     late_copy: int = 0
     """Genuine signed frames with an old timestamp, dropped."""
     outdated: int = 0
-    """Of these: of a sender whose clock is more than a minute behind ours."""
+    """Number of late copies of a sender whose clock is more than a minute behind the service's."""
     signed_unverified: int = 0
-    """Signed frames for us, received while no key is configured."""
+    """Signed frames for the service, received while no key is configured."""
     ground_station: bool = False
     thinning: LinkThinning = LinkThinning()
     peers: list[PeerStatistics] = []
-    """Those with the most frames, the vehicle's first."""
+    """Statistics of the peers with the most frames, the vehicle's first."""
     peers_left_out: int = 0
 
 
@@ -114,7 +114,7 @@ class LinkReport(msgspec.Struct, frozen=True, kw_only=True):
     clients: list[str] | UnsetType = UNSET
     """Addresses of the clients in order of arrival; only of a server."""
     refused: int | UnsetType = UNSET
-    """Number of times that a source found no place; only of a server."""
+    """Number of times that a source was refused because all places were taken; only of a server."""
     device: str | UnsetType = UNSET
     """Name under which a serial device was found; only while it is open."""
 
@@ -124,9 +124,9 @@ class StreamReport(msgspec.Struct, frozen=True, kw_only=True):
 
     wanted_hz: float = 0.0
     asked_hz: float | None = None
-    """None while the request is held back or denied."""
+    """Requested rate, Hz; None while the request is held back or denied."""
     measured_hz: float | None = None
-    """Over the last full window since the rate was granted; None before the first one ended."""
+    """Rate over the last full window since the request was granted, Hz; None before the first window ended."""
     state: str = ""
     undone_by: str | None = None
     """Cause of a recent loss of the rate."""
@@ -136,11 +136,11 @@ class TimesyncReport(msgspec.Struct, frozen=True, kw_only=True):
     """TIMESYNC exchanges with the autopilot."""
 
     requests: int = REQUESTS
-    """Sent since the adoption; a status without the number counts as one that has waited long enough."""
+    """Number of requests since the adoption. A status without this number is read as one that waited long enough."""
     exchanges: int = 0
-    """Answered."""
+    """Number of answered requests."""
     round_trip_s: float | None = None
-    """The last round trip."""
+    """The last round trip, seconds."""
     least_round_trip_s: float | None = None
     jitter_s: float | None = None
     ignored: dict[str, int] = {}

@@ -18,9 +18,9 @@ class Bias(IntEnum):
     """Errors that are common to many fixes, in the order of every bias vector of this package."""
 
     ROLL = 0
-    """Rotation error of the autopilot's attitude about body x, rad; with a gimbal, of its attitude about its x."""
+    """Rotation error of the autopilot's attitude about body x, rad; with a gimbal, of the gimbal's about its x."""
     PITCH = 1
-    """Rotation error of the autopilot's attitude about body y, rad; with a gimbal, of its attitude about its y."""
+    """Rotation error of the autopilot's attitude about body y, rad; with a gimbal, of the gimbal's about its y."""
     HEADING = 2
     """Rotation error of the autopilot's attitude about down, rad."""
     MOUNT_X = 3
@@ -45,7 +45,7 @@ class Bias(IntEnum):
     LEVER_Y = 14
     LEVER_Z = 15
     TARGET_HEIGHT = 16
-    """Error of the height at which a standing target is detected, in its own sigmas: each [[target]] has another."""
+    """Error of the height at which a standing target is detected, in units of the sigma of its [[target]]."""
 
 
 BIAS_COUNT = len(Bias)
@@ -63,7 +63,7 @@ class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
     position_bias_time_s: float
     """Time constant of the position bias, seconds; the shortest likely one where it is not known."""
     position_wander_times_s: tuple[float, ...] = ()
-    """Time constants among which that of a smoothly wandering position lies, seconds; empty: the one above."""
+    """Candidate time constants of a smoothly wandering position, seconds; empty: ``position_bias_time_s`` alone."""
 
     @property
     def position_times_s(self) -> tuple[float, ...]:
@@ -86,7 +86,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """A detection with the state of the vehicle at the instant at which its row was exposed."""
 
     frame: int
-    """Frame number, of the source or counted."""
+    """Frame number: the source's, or counted where it sends none."""
     index: int
     """Index of the detection in its frame."""
     frame_host_ns: HostNs
@@ -98,8 +98,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     pixel_sigma: tuple[float, float]
     """One sigma of u and v, pixels."""
     row_fraction: float
-    """d(capture)/d(Bias.READOUT): position of the detection's row in the readout, 0 to 1. Where the readout is unknown
-    it is multiplied by the frame interval over 1/30 s, because the prior of the bias is that of 30 frames/s."""
+    """d(capture)/d(Bias.READOUT): position of the detection's row in the readout, 0 to 1. Where the readout is unknown,
+    this value is multiplied by the frame interval over 1/30 s, because the prior of the bias is that of 30 frames/s."""
     time_noise_s: float
     """One sigma of the capture on the autopilot clock, independent in every frame, seconds."""
     state: VehicleState
@@ -107,13 +107,13 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Mount in use; ``body`` is the gimbal for a camera on a gimbal."""
     ned_from_camera: Matrix3
     camera_ned: Vector3
-    """Camera position in local NED, metres; in a relative world (0, 0, 0), and the localizer adds the height."""
+    """Camera position in local NED, metres. In a relative world it is (0, 0, 0), and the localizer adds the height."""
     camera_height_above_home_m: float | None
-    """Camera height above home by relative altitude and lever arm, metres; None where it is not known."""
+    """Camera height above home, from relative altitude and lever arm, metres; None where it is not known."""
     relative: bool
-    """Whether there is no global position: the origin is then the point on the ground below the camera, down = 0."""
+    """Whether there is no global position; then the origin is the point on the ground below the camera, down = 0."""
     anchor_height_m: float = 0.0
-    """Height of the point on the ray above the target's foot, metres; 0 for what lies on the ground."""
+    """Height of the detected point above the target's foot, metres; 0 for a target that lies on the ground."""
     anchor_sigma_m: float = 0.0
     """One sigma of that height, the same in every sighting of a target, metres."""
 
@@ -145,7 +145,7 @@ class NoFix(msgspec.Struct, frozen=True):
 
 
 class FixErrors(Protocol):
-    """Covariances and budget of a fix, computed when they are first asked for."""
+    """Covariances and error budget of a fix, computed when they are first read."""
 
     @property
     def cov(self) -> Matrix3:
@@ -161,7 +161,7 @@ class FixErrors(Protocol):
 
 
 class GroundFix(msgspec.Struct, frozen=True, gc=False):
-    """Intersection of one sighting's ray with the ground, and its error model: noise and biases apart.
+    """Intersection of one sighting's ray with the ground, and its error model with noise and biases separate.
 
     In numpy, with J of the bias columns, S of the squared prior sigmas and L = diag(0, 0, level_sigma_m^2)::
 
@@ -175,10 +175,10 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     """Covariance of the errors that are independent in every fix, NED, m^2."""
     bias_jacobian: tuple[Vector3, ...]
     """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error. Where the
-    receiver gives the sigma of its position, the columns of the position are those of a unit times that sigma over the
-    prior's, as the readout's are."""
+    receiver gives the sigma of its position, the columns of the position are multiplied by that sigma over the prior's.
+    The readout's column is scaled likewise."""
     errors: FixErrors
-    """Covariances and budget, computed when they are first asked for."""
+    """Covariances and error budget, computed when they are first read."""
     ground: str
     """Ground model of the intersection: home, fixed, rangefinder or terrain."""
     level_sigma_m: float = 0.0
@@ -187,7 +187,7 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def drop_m(self) -> float:
-        """Height of the camera above the level of the detected point, metres: the ground, or higher on a target."""
+        """Height of the camera above the detected point, metres. The point is on the ground, or higher on a target."""
         return self.position_ned[2] - self.sighting.camera_ned[2] - self.sighting.anchor_height_m
 
     @property

@@ -37,7 +37,7 @@ class Autopilot(msgspec.Struct, frozen=True):
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
-    """State of vehicle and clocks at the moment of publishing; what most frames do not need is computed on demand."""
+    """State of vehicle and clocks at the moment of publishing; rarely needed values are computed on demand."""
 
     now_ns: HostNs
     autopilot: Autopilot | None
@@ -52,9 +52,9 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     clock_estimate: Callable[[], ClockEstimate | None] = lambda: None
     """Computes :attr:`clock`."""
     undulation_m: float | None = None
-    """Geoid height above the ellipsoid, metres, by alt_ellipsoid - alt of GPS_RAW_INT."""
+    """Geoid height above the ellipsoid, metres: alt_ellipsoid - alt of GPS_RAW_INT."""
     utc_minus_host_s: float | None = None
-    """UTC minus host clock, seconds, by SYSTEM_TIME, else by a synchronised wall clock; None without either."""
+    """UTC minus host clock, seconds, from SYSTEM_TIME, else from a synchronised wall clock; None without either."""
     board: BoardReport | None = None
     """Latest report of the companion computer; None before the first."""
 

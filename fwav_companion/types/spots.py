@@ -1,5 +1,5 @@
-"""Clicked spots: what the pipeline, which knows how the vehicle moves, and the camera process, which has the pictures,
-say to one another about them.
+"""Messages about clicked spots between the pipeline, which knows the vehicle's motion, and the camera process, which
+has the pictures.
 """
 
 from __future__ import annotations
@@ -14,48 +14,48 @@ CLICK_LABEL: Final = "click"
 
 
 QUESTION: Final = b'{"question":'
-"""Prefix of the camera process's question where a picture shows the spots: a frame in the wire format without
+"""Prefix of the camera process's question for the spots' views in a picture: a frame in the wire format without
 detections follows, and a closing brace."""
 REFUSAL: Final = b'{"spot":'
 """Prefix of :class:`SpotRefused` as JSON."""
 
 
 class SpotView(msgspec.Struct, frozen=True, gc=False):
-    """Where and how a picture must show a spot, by the vehicle's motion."""
+    """Predicted view of a spot in a picture, from the vehicle's motion."""
 
     at: tuple[float, float]
     """Predicted pixel."""
     pixel_from_ground: tuple[float, float, float, float]
     """d(u, v) / d(north, east) at the spot, row by row, pixels per metre."""
     reach_px: float
-    """Radius that holds the spot with three sigma, pixels."""
+    """Radius around the predicted pixel that contains the spot at three sigma, pixels."""
 
 
 class FollowSpot(msgspec.Struct, frozen=True, tag="follow"):
-    """Order: follow a spot from a kept picture on."""
+    """Order: follow a spot, starting in a kept picture."""
 
     spot: int
-    """Number of the spot; detections of it bring it as ``id``."""
+    """Number of the spot; its detections carry this number as ``id``."""
     picture: int
-    """Number of the frame that the operator saw."""
+    """Number of the picture on which the operator clicked."""
     view: SpotView
 
 
 class ReleaseSpot(msgspec.Struct, frozen=True, tag="release"):
-    """Order: follow a spot no more."""
+    """Order: stop following a spot."""
 
     spot: int
 
 
 class SpotViews(msgspec.Struct, frozen=True, tag="views"):
-    """Answer to a picture that was announced: where each spot must be in it."""
+    """Answer to an announced picture: the predicted view of each spot in it."""
 
     picture: int
     views: Mapping[int, SpotView]
 
 
 SpotMessage: TypeAlias = FollowSpot | ReleaseSpot | SpotViews
-"""Everything that goes to the camera process."""
+"""Every message about spots to the camera process."""
 
 
 class SpotRefused(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Things that rise above the ground: which part of them a detection marks, and how high that is."""
+"""Standing targets: objects that rise above the ground. A detection marks a part of them at some height."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import msgspec
 from msgspec import Meta
 
 USUAL_SHARE = 0.1
-"""One sigma of a height as a share of it where the configuration names none: adults are 1.7 m by 0.1 m, and detectors
-do not distinguish them from children."""
+"""One sigma of a height over the height, where the configuration has none. Adults are 1.7 m tall with a sigma of 0.1 m,
+and detectors do not distinguish them from children."""
 
 HeightM = Annotated[float, Meta(gt=0, le=1000)]
 

@@ -1,8 +1,8 @@
-"""The service's status as a whole: what the status file holds as JSON, and what `check` judges.
+"""The service's whole status: the status file holds it as JSON, and `check` assesses it.
 
 Each room fills its own part; the service encodes the whole once a second. The names of the fields are the keys of the
-file, which other programs read. Every field but names and addresses has a default, for the status of another version,
-which may lack it.
+file, which other programs read. Every field except names and addresses has a default, because the status of another
+version may lack the field.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class IntakeReport(msgspec.Struct, frozen=True, kw_only=True):
 
     came: int = 0
     age_s: float | None = None
-    """Seconds since the last one."""
+    """Seconds since the last frame; None before the first."""
     why: str = ""
-    """Why the port could not be opened."""
+    """Reason why the port could not be opened."""
 
 
 class VisionReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,9 +44,9 @@ class VisionReport(msgspec.Struct, frozen=True, kw_only=True):
     """Reason why it does not work."""
     pid: int | None = None
     deaths: int = 0
-    """Processes that ended."""
+    """Number of camera processes that ended."""
     delivery: DeliveryReport | None = None
-    """What the camera delivers; None before the first two pictures."""
+    """Size, rate and ages of the camera's pictures; None before the first two pictures."""
 
 
 class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,31 +65,31 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
     origin: OriginReport | None = None
     telemetry: TelemetryReport = TelemetryReport()
     sight: SightReport | None = None
-    """None in a relay without a camera."""
+    """The chain from detections to fixes; None in a relay without a camera."""
     calibration: SelfCalibrationReport | None = None
-    """None where self-calibration is off."""
+    """Results of self-calibration; None where it is off."""
     publishing: PublishingReport = PublishingReport()
     tracks: list[TrackReport] = []
     """Confirmed and coasting tracks, the oldest first; at most 64."""
     footprint: list[tuple[float, float]] = []
-    """Latitude and longitude of the border of what the camera sees, degrees; empty without a recent picture."""
+    """Latitude and longitude of the border of the camera's footprint, degrees; empty without a recent picture."""
     frames: int = 0
     detections: int = 0
     fixes: int = 0
     dropped: dict[str, int] = {}
-    """Frames or detections by the reason of their refusal."""
+    """Number of refused frames and detections by reason."""
     dropped_frames: dict[str, int] = {}
-    """The same of frames that were refused as a whole."""
+    """Number of frames that were refused as a whole, by reason."""
     dropped_detections: dict[str, int] = {}
-    """The same of detections in frames that were used."""
+    """Number of refused detections in frames that were used, by reason."""
 
     @property
     def seen(self) -> SightReport:
-        """The way from detections to fixes; without a camera one in which nothing was seen."""
+        """The chain from detections to fixes; without a camera, a report without any frames."""
         return self.sight or SightReport()
 
     def refused(self, *reasons: Reason) -> int:
-        """Return how often these reasons together were counted."""
+        """Return the sum of the counts of these reasons."""
         return sum(self.dropped.get(reason.value, 0) for reason in reasons)
 
 
@@ -106,11 +106,11 @@ class RunStatus(PipelineStatus, frozen=True, kw_only=True):
     """Seconds since the service started; inf where the status does not hold it."""
     internal_faults: int = 0
     links: dict[str, LinkReport] = {}
-    """By name."""
+    """Connection of each link, by name."""
     traffic: list[LinkStatistics] = []
     intake: IntakeReport = IntakeReport()
     vision: VisionReport | None = None
-    """None without [vision]."""
+    """The camera process; None without [vision]."""
     recording: str | None = None
     """State of the recording; None where no recording is configured."""
 

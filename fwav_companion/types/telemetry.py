@@ -17,10 +17,10 @@ class AttitudeSample(msgspec.Struct, frozen=True, gc=False):
     """One sample of ATTITUDE or ATTITUDE_QUATERNION."""
 
     boot_ns: BootNs
-    """Mean instant of validity: stamp of the message, corrected for truncation and for the delay of stamping."""
+    """Mean instant of the sampling: stamp of the message, corrected for truncation and for the delay of stamping."""
     ned_from_body: Quaternion
     rates: Vector3
-    """Body rates as sent, FRD, rad/s: filtered, and late by an unknown amount."""
+    """Body rates as sent, FRD, rad/s: low-pass filtered by the autopilot, and late by an unknown amount."""
 
 
 class PositionSample(msgspec.Struct, frozen=True, gc=False):
@@ -47,13 +47,13 @@ class RangeSample(msgspec.Struct, frozen=True, gc=False):
     boot_ns: BootNs
     distance_m: float
     beam_in_body: Vector3
-    """Unit vector along the beam, body FRD, by the orientation in the message."""
+    """Unit vector along the beam, body FRD, from the orientation in the message."""
     sigma_m: float
-    """One sigma of the distance, metres; 0 where the message brings no covariance."""
+    """One sigma of the distance, metres; 0 where the message has no covariance."""
 
 
 class ClockExchange(msgspec.Struct, frozen=True, gc=False):
-    """One TIMESYNC request of ours with its response."""
+    """One TIMESYNC request of the service with its response."""
 
     sent_ns: HostNs
     received_ns: HostNs
@@ -67,12 +67,12 @@ class ClockStatus(StrEnum):
     UNKNOWN = "unknown"
     """No message was received yet."""
     ARRIVALS = "arrivals"
-    """Without TIMESYNC responses: lower envelope of arrival minus stamp, late by the least transport delay."""
+    """No TIMESYNC responses: lower envelope of arrival minus stamp, late by the least transport delay."""
     SETTLING = "settling"
     """Few TIMESYNC responses were received."""
     SETTLED = "settled"
     FOLLOWED = "followed"
-    """The clock slips, or runs at another rate than a crystal's: it is followed response by response."""
+    """The clock slips, or runs at another rate than a crystal's; the estimate follows it response by response."""
 
 
 class ClockEstimate(msgspec.Struct, frozen=True):
@@ -85,13 +85,13 @@ class ClockEstimate(msgspec.Struct, frozen=True):
     sigma_s: float
     """One sigma of the offset, seconds, for symmetric delays."""
     bound_s: float
-    """Hard bound of the error, seconds: half the best round trip, plus 600 ppm of the time since; of a followed clock,
+    """Hard bound of the error, seconds: half the best round trip, plus 600 ppm of the time since; for a followed clock,
     plus the largest rate error that round trips allow."""
     round_trip_s: float | None
     status: ClockStatus
     doubtful: bool = False
-    """Whether the newest responses contradict this estimate, or a followed clock slips by more than it allows to aim:
-    LANDING_TARGET rests."""
+    """Whether the newest responses contradict this estimate, or a followed clock slips by too much for landing: then no
+    LANDING_TARGET is sent."""
 
     @property
     def rate(self) -> float:
@@ -100,28 +100,28 @@ class ClockEstimate(msgspec.Struct, frozen=True):
 
 
 class TakeOffSource(StrEnum):
-    """How the take-off place is known, from the weakest to the strongest."""
+    """Source of the take-off place, from the weakest to the strongest."""
 
     ASSUMED = "assumed"
-    """Where the vehicle was first heard: it may have been in the air."""
+    """Place where the vehicle was first received; it may have been in the air."""
     STANDING = "standing"
-    """A disarmed vehicle at rest."""
+    """Place of a disarmed vehicle at rest."""
     ARMING = "arming"
-    """Where the vehicle was armed."""
+    """Place where the vehicle was armed."""
     LANDING = "landing"
-    """Where a vehicle that has flown stands disarmed."""
+    """Place where a vehicle that has flown is at rest and disarmed."""
     HOME_POSITION = "home_position"
     POSES = "poses"
     """Photographs with poses: there is no take-off, and altitudes are above sea level."""
     LANDMARK = "landmark"
-    """No place of the vehicle: what a landmark shows of its altitude."""
+    """The vehicle's altitude as a landmark shows it, not a place of the vehicle."""
 
 
 class TakeOff(msgspec.Struct, frozen=True):
     """The take-off place as far as it is known."""
 
     place: Geodetic
-    """Its altitude is that of the ground."""
+    """Take-off place; its altitude is that of the ground."""
     source: TakeOffSource
 
 
@@ -129,11 +129,11 @@ class GimbalAt(msgspec.Struct, frozen=True, gc=False):
     """State of the gimbal that carries the camera at one instant."""
 
     ned_from_gimbal: Quaternion
-    """Attitude; a camera without a further mount looks along the x axis, image right along y."""
+    """Attitude. A camera without a further mount looks along the x axis; its image's right is along y."""
     rates: Vector3
     """Angular velocity, gimbal axes, rad/s, from the attitude samples."""
     sigma: float
-    """One sigma about each axis by interpolation, extrapolation and the gimbal's clock, radians."""
+    """One sigma about each axis due to interpolation, extrapolation and the gimbal's clock, radians."""
     gap_s: float
     """Time to the nearest attitude sample of the gimbal, seconds, >= 0."""
 
@@ -146,7 +146,7 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     rates: Vector3
     """Angular velocity of the body, body axes, rad/s, from the attitude samples."""
     attitude_sigma: float
-    """One sigma about each axis by interpolation or extrapolation, radians."""
+    """One sigma about each axis due to interpolation or extrapolation, radians."""
     gap_s: float
     """Time to the nearest attitude sample, seconds, >= 0."""
     position_ned: Vector3 | None
@@ -154,7 +154,7 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     velocity_ned: Vector3 | None
     """Velocity in NED, m/s; None where it is not known."""
     position_sigma_m: float
-    """One sigma of the position by its age, metres an axis."""
+    """One sigma of the position due to its age, metres an axis."""
     height_above_home_m: float | None
     """Height above home by the autopilot's relative altitude, metres; None where it is not known."""
     range: RangeSample | None = None
@@ -162,17 +162,17 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     terrain_height_m: float | None = None
     """Height above the terrain by TERRAIN_REPORT.current_height close to this instant, metres."""
     stamp_sigma_s: float = 0.0
-    """One sigma of the instant by the delay of the attitude stamps, seconds."""
+    """One sigma of the instant due to the delay of the attitude stamps, seconds."""
     spacing_s: float = 0.0
-    """Interval of the attitude samples around this instant, seconds; rates by shorter intervals are noisier."""
+    """Interval of the attitude samples around this instant, seconds; rates over shorter intervals are noisier."""
     position_bias_m: float | None = None
-    """One sigma of the position's slow error by the receiver's own word, metres an axis; None: as configured."""
+    """One sigma of the position's slow error as the receiver reports it, metres an axis; None: as configured."""
     height_sigma_m: float | None = None
     """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
     angular_acceleration: Vector3 = ZERO3
     """Angular acceleration of the body, body axes, rad/s^2, from the attitude samples; zero where it is not known."""
     turning_frequency: float = 0.0
-    """Angular frequency of the body's turning to and fro, rad/s; 0 where it is not known."""
+    """Angular frequency of the body's rotational oscillation, rad/s; 0 where it is not known."""
     gimbal: GimbalAt | Reason | None = None
     """Gimbal that carries the camera, or the reason why its attitude is not known; None: camera fixed to the body."""
 
@@ -193,5 +193,5 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def carrier_sigma(self) -> float:
-        """One sigma of the carrier's attitude about each axis by interpolation, radians."""
+        """One sigma of the carrier's attitude about each axis due to interpolation, radians."""
         return self.gimbal.sigma if isinstance(self.gimbal, GimbalAt) else self.attitude_sigma

@@ -1,4 +1,4 @@
-"""Where a picture shows the tracks, for the preview: the camera process asks, the daemon answers."""
+"""Pixels of the tracks in a picture, for the preview: the camera process asks, the daemon answers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MARKS_ANSWER: Final = b'{"type":"marks"'
 
 
 class TrackMark(msgspec.Struct, frozen=True, gc=False):
-    """One track in a picture."""
+    """Mark of one track in a picture."""
 
     track: int
     """Number of the track."""
@@ -21,11 +21,11 @@ class TrackMark(msgspec.Struct, frozen=True, gc=False):
     state: str
     """tentative, confirmed or coasting."""
     selected: bool
-    """Whether it is the target that ground stations get."""
+    """Whether it is the selected target, which ground stations get."""
     at: tuple[float, float]
     """Pixel of its place."""
     cov: tuple[float, float, float]
-    """Covariance of that pixel by the track's place relative to the vehicle, px^2: uu, uv, vv."""
+    """Covariance of that pixel due to the track's place relative to the vehicle, px^2: uu, uv, vv."""
 
 
 class TrackMarks(msgspec.Struct, frozen=True, tag="marks"):

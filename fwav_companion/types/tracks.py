@@ -52,17 +52,17 @@ class GateResult(msgspec.Struct, frozen=True, gc=False):
 class GateShare(msgspec.Struct, frozen=True, gc=False):
     """Share of a track, or of a fix, in the innovation's variance along north and east.
 
-    With the shares a and b that variance is at most ``a.nn + b.nn + |a.north - b.north|^2``, and alike for east.
+    With the shares a and b, the north variance is at most ``a.nn + b.nn + |a.north - b.north|^2``; likewise for east.
     """
 
     nn: float
-    """Variance of the errors that the other does not share, north, m^2."""
+    """Variance of the errors that track and fix do not share, north, m^2."""
     ee: float
-    """The same, east, m^2."""
+    """Variance of the errors that track and fix do not share, east, m^2."""
     north: tuple[float, ...]
     """Sensitivity of the north component to shared errors of unit variance, metres."""
     east: tuple[float, ...]
-    """The same of the east component."""
+    """Sensitivity of the east component to shared errors of unit variance, metres."""
 
 
 OUTSIDE_GATE = GateResult(inf, 0.0)
@@ -96,7 +96,7 @@ class Track(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """Position in the frame of the vehicle's own reports, NED, metres: the position plus the present error of the
     vehicle's position. Minus the reported vehicle position it is the target relative to the vehicle."""
     relative_cov: Matrix3
-    """Covariance of the target relative to the vehicle, NED, m^2: of ``apparent_ned``."""
+    """Covariance of the target relative to the vehicle, the covariance of ``apparent_ned``, NED, m^2."""
     vehicle_ned: Vector3 | None = None
     """Vehicle's position at the capture as reported, local NED, metres; None where it is not known."""
     velocity_ned: Vector3 | None = None
@@ -135,10 +135,10 @@ class FrameView(msgspec.Struct, frozen=True):
     vehicle: VehicleState | None = None
     """The vehicle at the capture as reported; None where it is not known."""
     unplaced: tuple[Sighting, ...] = ()
-    """Sightings without a fix, as too shallow ones."""
+    """Sightings without a fix, such as too shallow ones."""
     image_px2: float = 640.0 * 480.0
     """Area of the image, square pixels of the calibration."""
     jumped_m: float = 0.0
-    """Jump of the vehicle's reported position since the frame before, metres; 0 where there was not any."""
+    """Jump of the vehicle's reported position since the previous frame, metres; 0 without a jump."""
     landmarks: tuple[LandmarkSight, ...] = ()
     """Sights of landmarks."""
