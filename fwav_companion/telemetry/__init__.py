@@ -1,7 +1,7 @@
-"""Decodes telemetry to samples, estimates the autopilot's clock, and answers for the vehicle at any recent instant.
-Pure: time is handed in.
+"""Decodes telemetry to samples, estimates the autopilot's clock, and gives the vehicle's state at any recent instant.
+Pure: the time is an argument.
 
-``telemetry`` is the front; ``intake`` stores each message through ``decoding``; ``vehicle_history`` interpolates;
+``telemetry`` is the interface; ``intake`` stores each message through ``decoding``; ``vehicle_history`` interpolates;
 ``world`` holds the origin and the home surface; ``clock`` and ``attitude`` are rooms of their own; ``gimbal`` is what
 may carry the camera.
 """

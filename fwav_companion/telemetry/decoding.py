@@ -1,4 +1,4 @@
-"""Decodes messages to samples, and rejects values that are not finite or that a body could not have."""
+"""Decodes messages to samples, and rejects values that are not finite or not plausible."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.types import RangeSample
 
 MOST_RATE = 100.0
-"""rad/s. Gyroscopes of autopilots end at 35 to 70 rad/s (2000 to 4000 deg/s)."""
+"""Largest plausible body rate, rad/s. Gyroscopes of autopilots saturate at 35 to 70 rad/s (2000 to 4000 deg/s)."""
 MOST_HEIGHT_M = 100_000.0
 MOST_SPEED_M_S = 1_000.0
 MOST_UNDULATION_M = 120.0
-"""The geoid lies -106 to +85 m from the ellipsoid."""
+"""Largest plausible undulation, metres: the geoid lies -106 to +85 m from the ellipsoid."""
 UTC_FROM_S, UTC_UNTIL_S = 1_577_836_800, 4_102_444_800
-"""2020 to 2100: a receiver without time reports 1970 or 1980."""
+"""Range of plausible UTC, Unix seconds, 2020 to 2100: a receiver without time reports 1970 or 1980."""
 FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX."""
 
 
 class Implausible(msgspec.Struct, frozen=True):
-    """A message without a usable value; telemetry counts these by the message's name."""
+    """Result of a message without a usable value; telemetry counts such messages by name."""
 
 
 class Attitude(msgspec.Struct, frozen=True, gc=False):
@@ -41,14 +41,14 @@ class Position(msgspec.Struct, frozen=True, gc=False):
     """Content of GLOBAL_POSITION_INT without the stamp."""
 
     place: Geodetic | None
-    """Place; None for 0/0, where heights come without a global position."""
+    """Place; None for latitude and longitude 0/0, which is sent with heights where there is no global position."""
     height_above_home_m: float
     velocity_ned: Vector3
 
 
 def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Implausible:
-    """Attitude of ATTITUDE: Z-Y-X Euler angles. ``pitch_trim``, radians, is what the autopilot subtracted from the
-    pitch.
+    """Attitude of ATTITUDE: Z-Y-X Euler angles. ``pitch_trim``: angle that the autopilot subtracted from the pitch,
+    radians.
     """
     roll, pitch, yaw = float(fields.roll), float(fields.pitch), float(fields.yaw)
     rates = _rates(fields)
@@ -95,8 +95,8 @@ def geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> Geodetic | None:
 
 
 def undulation_m(fields: Any) -> float | None:
-    """Geoid above ellipsoid, metres, by GPS_RAW_INT: alt_ellipsoid - alt. None for 0, the value of an absent
-    extension.
+    """Geoid above ellipsoid from GPS_RAW_INT, alt_ellipsoid - alt, metres. None where alt_ellipsoid is 0, the value of
+    an absent extension.
     """
     if fields.fix_type < FIX_3D or fields.alt_ellipsoid == 0:
         return None
@@ -134,7 +134,7 @@ COVARIANCE_UNKNOWN = 255
 
 
 def range_sample(fields: Any, boot_ns: BootNs) -> RangeSample | Implausible:
-    """Range of DISTANCE_SENSOR, where it reads inside its own limits and looks at least 45 degrees down."""
+    """Range of DISTANCE_SENSOR, if it lies inside the sensor's limits and the beam points at least 45 degrees down."""
     if not fields.min_distance < fields.current_distance < fields.max_distance or fields.signal_quality == 1:
         return Implausible()
     beam = _beam(fields)

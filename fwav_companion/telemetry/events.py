@@ -12,7 +12,7 @@ from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 
 
 class Rebooted(msgspec.Struct, frozen=True):
-    """The autopilot's clock began again. Clock and attitudes are empty; the world's origin stays."""
+    """The autopilot's clock started again. Clock estimate and attitudes are deleted; the world's origin stays."""
 
     at_ns: HostNs
 
@@ -22,7 +22,7 @@ class OriginSet(msgspec.Struct, frozen=True):
 
     origin: Geodetic
     late: bool
-    """Whether the world was relative until now: tracks located in it must be dropped."""
+    """Whether the world was relative until now; then its tracks must be dropped."""
 
 
 class RelativeWorld(msgspec.Struct, frozen=True):
@@ -30,8 +30,8 @@ class RelativeWorld(msgspec.Struct, frozen=True):
 
 
 class TakeOffFound(msgspec.Struct, frozen=True):
-    """The take-off place became known, or better known, after the origin was set: by HOME_POSITION, by arming, or
-    because the vehicle stands.
+    """The take-off place became known, or better known, after the origin was set: from HOME_POSITION, from arming, or
+    because the vehicle is at rest.
     """
 
     place: Geodetic
@@ -47,18 +47,18 @@ class HomeMoved(msgspec.Struct, frozen=True):
 class AttitudeSource(msgspec.Struct, frozen=True):
     """Another message became the source of attitudes; attitudes of the old source are deleted.
 
-    The two may differ by a constant (ArduPlane's pitch trim), and a course through both would have a step.
+    The two may differ by a constant (ArduPlane's pitch trim); an interpolation through both would have a step.
     """
 
     message: str
     """ATTITUDE or ATTITUDE_QUATERNION."""
     before: str
-    """Source until now, in the same terms."""
+    """Source until now: ATTITUDE or ATTITUDE_QUATERNION."""
 
 
 class StampDelay(msgspec.Struct, frozen=True):
-    """A new delay of attitude stamps, by the autopilot's word or by its attitudes; stored attitudes were moved with
-    it.
+    """A new delay of attitude stamps, from the autopilot's messages or from its attitudes; stored attitudes were moved
+    accordingly.
     """
 
     delay_s: float
@@ -78,7 +78,7 @@ class PitchTrimUndone(msgspec.Struct, frozen=True):
     """The pitch trim that ATTITUDE lacks is added from now on; attitudes without it are deleted."""
 
     deg: float
-    """Trim in degrees; 0: no trim is added any more."""
+    """Trim, degrees; 0: no trim is added any more."""
 
 
 class PositionJumped(msgspec.Struct, frozen=True):

@@ -1,10 +1,10 @@
 """The gimbal that carries the camera: its attitudes on its own clock, and its attitude at any instant.
 
 GIMBAL_DEVICE_ATTITUDE_STATUS comes about five times a second, stamped by an unsynchronised clock. That clock is
-estimated from arrivals, as telemetry's is without TIMESYNC; only where the autopilot itself reports for the gimbal, and
-the stamps agree with the autopilot's clock, that clock is used. Between two attitudes the rotation is interpolated at a
-constant rate along the shorter way, since a gimbal turns smoothly; how smoothly is measured on attitudes that are left
-out.
+estimated from arrivals, as the autopilot's clock is without TIMESYNC. Where the autopilot itself reports for the gimbal
+and the stamps agree with the autopilot's clock, the autopilot's clock is used. Between two attitudes the rotation is
+interpolated at a constant rate along the shorter way, because a gimbal turns smoothly. The error of this interpolation
+is measured on attitudes that are left out.
 """
 
 from __future__ import annotations
@@ -37,43 +37,47 @@ from fwav_companion.types.flight_status import GimbalReport
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 OLDER_MESSAGES = ("MOUNT_ORIENTATION", "MOUNT_STATUS")
-"""Of gimbals before the gimbal protocol, used while MESSAGE is not heard: roll and pitch count from the horizon, yaw
-from the vehicle's heading, or from north where MOUNT_ORIENTATION has yaw_absolute. MOUNT_STATUS has no stamp: its
-arrival counts."""
+"""Messages of gimbals from before the gimbal protocol, used while MESSAGE is not received. Roll and pitch count from
+the horizon, yaw from the vehicle's heading, or from north where MOUNT_ORIENTATION has yaw_absolute. MOUNT_STATUS has no
+stamp; its arrival is used instead."""
 GIMBAL_MESSAGES = frozenset({MESSAGE, *OLDER_MESSAGES})
 LAST_NON_MAVLINK_DEVICE = 6
-"""gimbal_device_id 1 to 6: gimbals without MAVLink, for which the autopilot reports."""
+"""Largest gimbal_device_id of a gimbal without MAVLink, for which the autopilot reports; the least is 1."""
 SAME_CLOCK_NS = 100 * NS_PER_MS
-"""An autopilot that reports for its gimbal stamps by its own clock; the delay of its link is less than this."""
+"""Largest difference between the two clocks at which they count as one: an autopilot that reports for its gimbal stamps
+by its own clock, and the delay of its link is less than this."""
 KEPT_NS = 4 * NS_PER_S
 MOST_KEPT = 512
 WIDEST_GAP_NS = NS_PER_S
-"""Five times the usual interval: a few messages were lost."""
+"""Longest interval that is interpolated, five times the usual one: a few messages were lost."""
 LEAST_APART_NS = 4 * NS_PER_MS
-"""Closer stamps in whole milliseconds determine no rate: the same attitude over two links, or a flood."""
+"""Least time between two stored attitudes. Closer stamps in whole milliseconds determine no rate: they are the same
+attitude over two links, or a flood."""
 MOST_EXTRAPOLATION_NS = 300 * NS_PER_MS
-"""One interval and a half at 5 Hz: then the next attitude is missing."""
+"""Longest extrapolation, one interval and a half at 5 Hz: then the next attitude is missing."""
 NEAR_NS = 250 * NS_PER_MS
 STEADY = 0.1
-"""An attitude without neighbours, as recorded around each photograph, holds this near to it; and one sigma of the rate
-of a gimbal that holds its camera still, rad/s."""
+"""One sigma of the rate of a gimbal that holds its camera still, rad/s. It applies to an attitude without neighbours,
+as recorded around each photograph."""
 MOST_SIGMA = 0.1
-"""rad: as for the body, an attitude less certain than 6 degrees is not used."""
+"""Largest one sigma of a usable attitude, rad: 6 degrees, as for the body."""
 UNCHECKED = 2.0
-"""rad/s^2, before it was measured: an operator's stick turns a gimbal by 100 degrees a second, within a second."""
+"""RMS angular acceleration before it was measured, rad/s^2: an operator's stick turns a gimbal by 100 degrees a second,
+within a second."""
 MEMORY_S = 3.0
 CHECKS_TO_BEGIN = 3
 UNEVEN = 2.5
 """Five attitudes whose longest interval exceeds the shortest by this factor are not used for checks."""
 MOST_UNRESOLVED = 4.0
-"""A sample left out at twice the spacing errs by four times the error in the middle of an interval, if the motion is
-smooth; motion faster than the samples errs by the same at every spacing."""
+"""Largest factor on the interpolation error where the motion is faster than the samples. A sample left out at twice the
+spacing errs by four times the error in the middle of an interval if the motion is smooth; if it is faster than the
+samples, the error is the same at every spacing."""
 MOST_ANGLE_DEG = 720.0
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class _GimbalAttitude(msgspec.Struct, frozen=True, gc=False, order=True):
-    """One attitude message."""
+    """Content of one attitude message."""
 
     stamp_ns: int
     """Stamp on the gimbal's clock."""
@@ -83,10 +87,10 @@ class _GimbalAttitude(msgspec.Struct, frozen=True, gc=False, order=True):
 
 
 class Gimbal:
-    """One gimbal, by the configured id: 1 to 6 behind the autopilot, else the MAVLink component itself."""
+    """The gimbal with the configured id: 1 to 6 behind the autopilot, else the MAVLink component itself."""
 
     def __init__(self, device_id: int, clock_rate: float = 1.0) -> None:
-        """``clock_rate``: as that of the vehicle's clock; a simulator's gimbal runs with it."""
+        """``clock_rate``: rate of the vehicle's clock, with which a simulator's gimbal runs too."""
         self._device_id, self._clock_rate = device_id, clock_rate
         self._clock = Clock(clock_rate)
         self._timeline = BootTimeline()
@@ -159,14 +163,14 @@ class Gimbal:
     # Queries.
 
     def ready_for(self, boot_ns: BootNs, autopilot: Clock) -> bool:
-        """Whether an attitude lies beyond this instant of the autopilot's clock, or none can be expected from a silent
+        """Whether an attitude lies beyond this instant of the autopilot's clock, or cannot be expected from a silent
         gimbal.
         """
         stamp = self._stamp_of(boot_ns, autopilot)
         return stamp is None or not self._looks or self._looks[-1].stamp_ns >= stamp[0]
 
     def at(self, boot_ns: BootNs, autopilot: Clock, body: AttitudeAt) -> GimbalAt | Reason:
-        """Gimbal at this instant of the autopilot's clock; ``body`` is the vehicle at that instant."""
+        """State of the gimbal at this instant of the autopilot's clock; ``body``: the vehicle's attitude then."""
         stamp = self._stamp_of(boot_ns, autopilot)
         if stamp is None or not self._looks:
             return Reason.NO_GIMBAL
@@ -209,7 +213,7 @@ class Gimbal:
             self._check(self._looks[-5:])
 
     def _check(self, five: list[_GimbalAttitude]) -> None:
-        """Measure the bend of the course, by samples left out at twice the spacing and at four times."""
+        """Update the angular acceleration from samples left out at twice and at four times the spacing."""
         steps = [b.stamp_ns - a.stamp_ns for a, b in pairwise(five)]
         if len({look.from_north for look in five}) > 1 or max(steps) > min(UNEVEN * min(steps), WIDEST_GAP_NS):
             return
@@ -235,19 +239,21 @@ class Gimbal:
         return (self._looks[-1].stamp_ns - self._looks[0].stamp_ns) * 1e-9 / (len(self._looks) - 1)
 
     def _stamp_of(self, boot_ns: BootNs, autopilot: Clock) -> tuple[int, float] | None:
-        """Stamp of the gimbal's clock at an instant of the autopilot's, and its one sigma in seconds."""
+        """Stamp of the gimbal's clock at an instant of the autopilot's clock, and its one sigma in seconds."""
         host_ns = autopilot.host_from_boot(boot_ns)
         if isinstance(host_ns, Unpaired):
             return None
         stamp_ns = self._clock.boot_from_host(host_ns)
-        if isinstance(stamp_ns, Unpaired):  # too few were heard: an autopilot stamps its gimbal's by its own clock
+        if isinstance(stamp_ns, Unpaired):  # too few messages: an autopilot stamps its gimbal's by its own clock
             return (boot_ns, 0.0) if self._by_autopilot else None
         if self._by_autopilot and abs(stamp_ns - boot_ns) <= SAME_CLOCK_NS:
             return boot_ns, 0.0
         return stamp_ns, self._clock.sigma_s_at(host_ns)
 
     def _reported_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
-        """(attitude, rates, sigma, gap, whether its yaw counts from north) in the messages' own terms."""
+        """(attitude, rates, sigma, gap, whether yaw counts from north) as the messages report it: yaw not yet converted
+        to north. Far from other attitudes, the nearest one is used.
+        """
         between = self._between(stamp_ns)
         if not isinstance(between, Reason):
             return between
@@ -259,7 +265,9 @@ class Gimbal:
         return nearest.q, ZERO3, STEADY * gap_s, gap_s, nearest.from_north
 
     def _between(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
-        """The same between two messages, or shortly after the last one."""
+        """(attitude, rates, sigma, gap, whether yaw counts from north) between two messages, or shortly after the
+        last one.
+        """
         looks = self._looks
         index = bisect_right(looks, stamp_ns, key=lambda look: look.stamp_ns)
         if index == 0:
@@ -300,7 +308,7 @@ def _mount_angles(message: Message) -> tuple[float, float, float, bool] | None:
 
 
 def _bend(first: _GimbalAttitude, middle: _GimbalAttitude, last: _GimbalAttitude) -> float:
-    """Angular acceleration, rad/s^2, that would explain the middle attitude's distance from a constant rate."""
+    """Angular acceleration, rad/s^2, that would explain the middle attitude's deviation from a constant rate."""
     before_s, after_s = (middle.stamp_ns - first.stamp_ns) * 1e-9, (last.stamp_ns - middle.stamp_ns) * 1e-9
     turn = scale(difference(last.q, first.q), before_s / (before_s + after_s))
     off = norm(difference(middle.q, multiply(first.q, rotations.exp(turn))))

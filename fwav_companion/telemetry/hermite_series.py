@@ -13,11 +13,12 @@ Values: TypeAlias = tuple[float, ...]
 
 KEPT_NS = 5 * NS_PER_S
 MOST_KEPT = 512
-"""5 s at 50 Hz are 250 samples. More than this is a flood, and the oldest are dropped."""
+"""Most stored samples: 5 s at 50 Hz are 250. More than this is a flood, and the oldest are dropped."""
 LONGEST_BRIDGE_NS = 2 * NS_PER_S
-"""Longest interval between two samples, and beyond the newest: a position there is unknown."""
+"""Longest interval between two samples, and beyond the newest, that is bridged; in a longer one values are unknown."""
 UNMEASURED_ACCELERATION = 3.0
-"""m/s^2, one sigma: unmeasured acceleration between samples. A third of g: a small vehicle that banks at 17 degrees."""
+"""One sigma of the unmeasured acceleration between samples, m/s^2. A third of g: a small vehicle that banks at 17
+degrees."""
 
 
 class HermitePoint(msgspec.Struct, frozen=True, gc=False):
@@ -25,14 +26,14 @@ class HermitePoint(msgspec.Struct, frozen=True, gc=False):
 
     values: Values
     rates: Values
-    """As reported, per second. The slope of the curve would hold the noise of two values over their interval: 0.3 m of
-    height noise at 10 Hz are 4 m/s."""
+    """Reported rates of the values, per second. The slope of the curve would contain the noise of two values over their
+    interval: 0.3 m of height noise at 10 Hz are 4 m/s."""
     sigma: float
     """One sigma of each value that interpolation or extrapolation adds."""
 
 
 class HermiteSeries:
-    """Samples in order of their instants: a cubic Hermite between two, a straight line beyond the newest."""
+    """Samples in order of time, interpolated by a cubic Hermite polynomial, or a straight line beyond the newest."""
 
     __slots__ = ("_samples", "_splits", "_times")
 
@@ -42,7 +43,7 @@ class HermiteSeries:
         self._splits: set[BootNs] = set()
 
     def split_at(self, boot_ns: BootNs) -> None:
-        """Interpolate no more between the sample of this instant and the one before it: the values jumped."""
+        """Stop interpolating between the sample of this instant and the one before it: the values jumped."""
         self._splits = {each for each in self._splits if self._times and each >= self._times[0]} | {boot_ns}
 
     def insert(self, boot_ns: BootNs, values: Values, rates: Values) -> None:
@@ -79,7 +80,7 @@ class HermiteSeries:
         return self._between(index - 1, boot_ns)
 
     def _beyond(self, boot_ns: BootNs, last: int = -1) -> HermitePoint | None:
-        """The values by one sample alone, the newest or the last before a jump."""
+        """The values from one sample alone, the newest or the last before a jump."""
         age_ns = boot_ns - self._times[last]
         if age_ns > LONGEST_BRIDGE_NS:
             return None

@@ -49,15 +49,15 @@ class Intake:
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
         self._trials = 0
-        """Trials of the attitude stream whose scatter of stamps was used."""
+        """Number of trials of the attitude stream at which the scatter of stamps was last used."""
         self.trim_undone_deg = 0.0
         """Trim added to the pitch of ATTITUDE, degrees."""
         self.stamp_ns = BootNs(0)
         """Placed stamp of the current message."""
         self.undulation_m: float | None = None
-        """Geoid above ellipsoid, metres, by the receiver's own alt_ellipsoid - alt."""
+        """Geoid above ellipsoid, metres, from the receiver's alt_ellipsoid - alt."""
         self.utc: tuple[int, BootNs] | None = None
-        """Unix nanoseconds and the boot instant at which they held; None while the autopilot does not know UTC."""
+        """UTC in Unix nanoseconds and its boot instant; None while the autopilot does not know UTC."""
         self.refused: dict[str, int] = {}
         """Counts of rejected messages by name."""
         self.handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
@@ -79,7 +79,7 @@ class Intake:
             "PARAM_VALUE": self._on_param_value,
             "STATUSTEXT": self._on_statustext,
         }
-        """Handlers of fields and arrival by message name; the stamp, if there is one, is :attr:`stamp_ns`."""
+        """Handlers by message name. Arguments: fields and arrival; the stamp, if there is one, is :attr:`stamp_ns`."""
 
     def refuse(self, name: str) -> tuple[TelemetryEvent, ...]:
         """Count a message without a usable value."""
@@ -233,7 +233,7 @@ class Intake:
         return self._move_stamps(self._stamps.on_text(fields.text))
 
     def _put_trim_back(self) -> tuple[TelemetryEvent, ...]:
-        """Follow a change of ATTITUDE's trim: attitudes stored until now differ from those to come, and are deleted."""
+        """Apply a change of ATTITUDE's trim. Stored attitudes lack the change, and are deleted."""
         if self.choice.source != EULER:
             return ()
         self.trim_undone_deg = self._trim.taken_off_deg

@@ -8,12 +8,13 @@ from fwav_companion.geometry.stamps import NS_PER_S, BootNs
 from fwav_companion.geometry.vectors import Vector3
 
 LEAST_JUMP_M = 1.0
-"""Horizontal distance from the predicted position, metres: a receiver's noise of 0.1 m stays seven sigma below it."""
+"""Least horizontal distance from the predicted position that is a jump, metres: a receiver's noise of 0.1 m is seven
+sigma below it."""
 MOST_ACCELERATION = 10.0
-"""m/s^2: between two positions the vehicle leaves the mean of their velocities by an eighth of it times the interval
-squared."""
+"""Largest acceleration of the vehicle, m/s^2: between two positions it moves the vehicle away from the mean of their
+velocities by an eighth of the acceleration times the interval squared."""
 LONGEST_S = 1.0
-"""Longest interval between two positions that are compared: with a longer one the vehicle's own motion is unknown."""
+"""Longest interval between two compared positions, s: in a longer one the vehicle's own motion is unknown."""
 
 
 class PositionJumps:
@@ -23,7 +24,7 @@ class PositionJumps:
         self._last: tuple[BootNs, Vector3, Vector3] | None = None
 
     def on_position(self, boot_ns: BootNs, place_ned: Vector3, velocity_ned: Vector3) -> tuple[float, float] | None:
-        """The jump since the last position, north and east, metres; None where there was not any."""
+        """The jump since the last position, north and east, metres; None without a jump."""
         last, self._last = self._last, (boot_ns, place_ned, velocity_ned)
         if last is None or not 0 < boot_ns - last[0] <= LONGEST_S * NS_PER_S:
             return None

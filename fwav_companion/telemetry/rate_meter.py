@@ -11,7 +11,7 @@ MOST_NAMES = 64
 
 
 class RateMeter:
-    """Counts by name over the last full window, 2 to 4 s back: cheap and bounded.
+    """Counts messages by name over the last full window, which began 2 to 4 s ago: cheap, with bounded memory.
 
     Until the first window is full, the counts so far are used.
     """

@@ -27,33 +27,34 @@ from fwav_companion.types.flight_status import TelemetryReport
 
 ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
 NEWEST_EVERY_NS = NS_PER_S // 10
-"""Interval of the attitudes that are taken where none is interpolated: each costs as much as routing a frame."""
+"""Interval between used attitudes where no attitude is interpolated: each costs as much as routing a frame."""
 
 
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Options of the vehicle and its stamps."""
+    """Options of the vehicle's telemetry and its stamps."""
 
     position: Literal["auto", "none"] = "auto"
     """``none``: targets are relative to the point below the camera."""
     attitude_message: Literal["auto", "ATTITUDE", "ATTITUDE_QUATERNION"] = "auto"
-    """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is heard, ATTITUDE before or if it is refused."""
+    """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is received, ATTITUDE before or if it is refused."""
     position_delay_s: float = 0.0
     """Age of a position at its stamp, seconds."""
     position_bias_by_receiver: bool = True
-    """Whether states have the receiver's own word on the error of its position."""
+    """Whether vehicle states contain the position error that the receiver reports."""
     attitude_stamp_delay_s: Literal["auto"] | float = "auto"
     """Largest age of an attitude at its stamp, seconds, or auto."""
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
-    """Seconds for which attitudes are stored: what late frames need, or a whole experiment. 0: only the present one is
-    of interest, so that NEWEST_EVERY_NS between two is enough."""
+    """Time for which attitudes are stored, seconds: as late frames need, or a whole experiment. 0: only the present
+    attitude is needed, so that one every NEWEST_EVERY_NS is enough."""
     clock_rate: float = 1.0
-    """Rate of the autopilot's clock where only arrivals show it: autopilot seconds per host second."""
+    """Rate of the autopilot's clock, autopilot seconds per host second; used where the clock is estimated from arrivals
+    alone."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
 
 
 class Telemetry:
-    """Vehicle state from the messages of the one adopted autopilot and the clock exchanges it answered.
+    """Vehicle state from the messages of the adopted autopilot and the clock exchanges that it answered.
 
     Methods that return events return each event once.
     """
@@ -119,7 +120,7 @@ class Telemetry:
         return events + handler(message.fields, arrival_ns)
 
     def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Take a message of any component of the vehicle that may be the gimbal's."""
+        """Take a message of any component of the vehicle; it is used if it is from the gimbal."""
         if self._gimbal is None:
             return self._on_unused_gimbal(message, autopilot_component)
         if self._gimbal.is_meant(message, autopilot_component):
@@ -131,7 +132,7 @@ class Telemetry:
         return ()
 
     def _on_unused_gimbal(self, message: Message, autopilot_component: int) -> tuple[TelemetryEvent, ...]:
-        """Note a gimbal that is heard while none is configured; it is reported once."""
+        """Report, once, a gimbal that is received while none is configured."""
         if self._unused_gimbal is not None:
             return ()
         behind = message.component == autopilot_component
@@ -147,13 +148,13 @@ class Telemetry:
         if isinstance(placed, Restarted | Skipped):
             events = self._on_jump(placed, exchange.received_ns)
             placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
-            assert isinstance(placed, int)  # noqa: S101  (the line of time began at it)
+            assert isinstance(placed, int)  # noqa: S101  (the time line began at this instant)
         news = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, placed))
         return events if news is None else (*events, news)
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When :meth:`on_wake` has something to do."""
+        """Instant at which :meth:`on_wake` has work; None without any."""
         return self.world.wake_at
 
     def on_wake(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
@@ -164,7 +165,7 @@ class Telemetry:
     # Queries.
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """Vehicle state at this instant, or why its attitude there is not known."""
+        """Vehicle state at this instant, or the reason why its attitude is not known."""
         return self._kept.state_at(boot_ns)
 
     def ready_for(self, boot_ns: BootNs) -> bool:
@@ -181,18 +182,20 @@ class Telemetry:
         return self._kept.attitudes.samples
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
-        """Autopilot's LOCAL_POSITION_NED at the instant, metres from its own origin; never mixed with our NED."""
+        """Autopilot's LOCAL_POSITION_NED at the instant, metres from the autopilot's own origin. Its frame differs from
+        the service's local NED.
+        """
         return self._kept.local_position_at(boot_ns)
 
     @property
     def undulation_m(self) -> float | None:
-        """Geoid above ellipsoid at the vehicle, metres, by its receiver; None where the receiver does not report it."""
+        """Geoid above ellipsoid at the vehicle from its receiver, metres; None where the receiver has no such value."""
         return self._intake.undulation_m
 
     @property
     def utc_minus_host_s(self) -> float | None:
-        """UTC minus host time, seconds, by SYSTEM_TIME; None while the autopilot does not know UTC or its clock is not
-        placed.
+        """UTC minus host clock from SYSTEM_TIME, seconds; None while the autopilot does not know UTC or its clock is
+        unknown.
         """
         if self._intake.utc is None:
             return None
@@ -231,7 +234,7 @@ class Telemetry:
     # Steps.
 
     def _is_spare(self, name: str, arrival_ns: HostNs) -> bool:
-        """Whether an attitude is not taken, where only the present one is of interest."""
+        """Whether an attitude is skipped, because only the present one is needed and the last one is recent."""
         if name not in ATTITUDES:
             return False
         if arrival_ns < self._attitude_due_ns.get(name, 0):
@@ -240,7 +243,7 @@ class Telemetry:
         return False
 
     def _on_jump(self, placed: Restarted | Skipped, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Begin again after a reboot; after a jump ahead keep what is known, and follow."""
+        """Handle a jump of the stamps: start again after a reboot; after a jump ahead keep the state, and follow."""
         if isinstance(placed, Skipped):
             answered = self.clock.estimate(now).round_trip_s is not None
             self.clock.skip()

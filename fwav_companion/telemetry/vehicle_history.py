@@ -15,9 +15,10 @@ from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.types import HeightSource, RangeSample, Unpaired, VehicleState
 
 RANGE_NEAR_NS = 200_000_000
-"""Age within which a rangefinder reading counts as simultaneous; they come at 10 Hz and more."""
+"""Age up to which a rangefinder reading counts as simultaneous; readings come at 10 Hz and more."""
 TERRAIN_NEAR_NS = 2_000_000_000
-"""TERRAIN_REPORT comes once a second, and the ground below changes little within that."""
+"""Age up to which a TERRAIN_REPORT counts as simultaneous: it comes once a second, and the ground below changes little
+within that time."""
 
 
 class VehicleHistory:
@@ -32,7 +33,7 @@ class VehicleHistory:
         *,
         position_bias: PositionBias | None = None,
     ) -> None:
-        """``gimbal``: the one that carries the camera, if any. ``position_bias``: None where it is configured."""
+        """``gimbal``: the gimbal that carries the camera; None without one. ``position_bias``: None: as configured."""
         self.position_bias = position_bias
         self._clock = clock
         self._stamps = stamps
@@ -40,7 +41,7 @@ class VehicleHistory:
         self.attitudes = AttitudeHistory(attitudes_kept_ns)
         self.positions = HermiteSeries()
         self.local = HermiteSeries()
-        """LOCAL_POSITION_NED, in a frame of its own."""
+        """LOCAL_POSITION_NED of the autopilot, in the autopilot's own local frame."""
         self.heights = {source: HermiteSeries() for source in HeightSource}
         self.ranges = RecentValues()
         self.terrain = RecentValues()
@@ -53,7 +54,7 @@ class VehicleHistory:
         self._jumped_ns = boot_ns
 
     def clear(self) -> None:
-        """Delete all samples: the autopilot's clock began again, and old stamps cannot be placed any more."""
+        """Delete all samples: the autopilot's clock started again, so that old stamps have no place on it."""
         self.attitudes.clear()
         for course in (self.positions, self.local, *self.heights.values()):
             course.clear()
@@ -62,7 +63,7 @@ class VehicleHistory:
         self._jumped_ns = None
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """Vehicle state at this instant, or why its attitude there is not known."""
+        """Vehicle state at this instant, or the reason why its attitude is not known."""
         attitude = self.attitudes.at(boot_ns)
         if isinstance(attitude, Unpaired):
             return attitude
@@ -104,10 +105,12 @@ class VehicleHistory:
         return self.state_at(newest.boot_ns if newest else BootNs(0))
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
-        """Autopilot's LOCAL_POSITION_NED at the instant, metres from its own origin; never mixed with our NED."""
+        """Autopilot's LOCAL_POSITION_NED at the instant, metres from the autopilot's own origin. Its frame differs from
+        the service's local NED.
+        """
         jumped_ns, newest_ns = self._jumped_ns, self.local.newest_ns
         if jumped_ns is not None and newest_ns is not None and newest_ns < jumped_ns <= boot_ns:
-            return None  # in the frame of before the jump
+            return None  # in the frame from before the jump
         point = self.local.at(boot_ns)
         if point is None:
             return None

@@ -11,20 +11,20 @@ from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld,
 from fwav_companion.types import TakeOff, TakeOffSource
 
 PATIENCE_NS = 10 * NS_PER_S
-"""Wait from the first attitude for a position, after which the world is relative."""
+"""Time to wait for a position after the first attitude; then the world becomes relative."""
 STANDING_M_S = 0.5
-"""Speed below which a disarmed vehicle stands: a GNSS velocity at rest is a few tenths."""
+"""Speed below which a disarmed vehicle is at rest, m/s: a GNSS velocity at rest is a few tenths."""
 FLIGHT_M = 2.0
-"""Change of the height above home of an armed vehicle that has flown: its height at rest drifts by decimetres."""
+"""Change of an armed vehicle's height above home from which it has flown: its height at rest drifts by decimetres."""
 LEAST_HOME_MOVE_M = 0.01
-"""Smaller moves of home are not reported."""
+"""Least move of home that is reported, metres."""
 MOST_HOME_DISTANCE_M = 100_000.0
-"""Metres between home and vehicle, beyond the range of any vehicle that carries this service."""
+"""Largest plausible distance between home and vehicle, metres: beyond the range of any vehicle of this service."""
 MOST_HOME_CLIMB_M = 10_000.0
-"""Metres between the altitudes of home and vehicle."""
+"""Largest plausible difference between the altitudes of home and vehicle, metres."""
 LEAST_ALTITUDE_M = 1.0
-"""Metres above or below the sea of a take-off ground that a home at altitude 0 contradicts: an autopilot without an
-altitude, or a station that sets home by hand, sends exactly 0."""
+"""Least height of a take-off ground above or below the sea that contradicts a home at altitude 0, metres: an autopilot
+without an altitude, or a station that sets home by hand, sends exactly 0."""
 
 _STRENGTH = {source: strength for strength, source in enumerate(TakeOffSource)}
 
@@ -32,10 +32,10 @@ WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 
 
 class World:
-    """Decides once where the origin lies. It never moves; HOME_POSITION moves only the home surface.
+    """Decides once where the origin lies. The origin never moves; HOME_POSITION moves only the home surface.
 
-    The origin is GPS_GLOBAL_ORIGIN, if it was heard by the first usable position, else that position; its altitude is
-    the take-off ground's, ``alt - relative_alt`` of that position.
+    The origin is GPS_GLOBAL_ORIGIN if it was received before the first usable position, else that position. Its
+    altitude is the take-off ground's, ``alt - relative_alt`` of that position.
     """
 
     def __init__(self, *, use_position: bool) -> None:
@@ -54,14 +54,14 @@ class World:
         """Height above home at the first position while armed; None while disarmed."""
         self._flew = False
         self._last: Position | None = None
-        """Newest position by which the vehicle may be known to stand."""
+        """Newest position that may show the vehicle at rest."""
         self._position: Position | None = None
         """Newest position with a place."""
         self._gps_fix_type: int | None = None
         self._waits = use_position
-        """Whether the wait for a position has not begun yet."""
+        """Whether the wait for a position is still to begin."""
         self.wake_at: HostNs | None = None
-        """End of the wait for a position; None before it, and after it was decided."""
+        """End of the wait for a position; None before the wait, and after the decision."""
 
     @property
     def home_alt_amsl_m(self) -> float | None:
@@ -72,10 +72,10 @@ class World:
 
     @property
     def take_off(self) -> TakeOff | None:
-        """Take-off place as far as known: the first home received; until then where the vehicle landed, was armed, or
-        stood; until then the origin.
+        """Take-off place as far as known: the first home received; until then the place where the vehicle landed, was
+        armed, or was at rest; until then the origin.
 
-        A service that starts in flight has its origin where the vehicle was first heard, not where it took off.
+        A service that starts in flight has its origin where the vehicle was first received, not where it took off.
         """
         if self.plane is None or self._take_off is not None:
             return self._take_off
@@ -94,11 +94,11 @@ class World:
             self._waits, self.wake_at = False, HostNs(now + PATIENCE_NS)
 
     def on_gps_fix(self, fix_type: int) -> None:
-        """Take the fix type of GPS_RAW_INT: from now on positions count only with a 3D fix."""
+        """Take the fix type of GPS_RAW_INT: from now on positions are used only with a 3D fix."""
         self._gps_fix_type = fix_type
 
     def on_heartbeat(self, *, armed: bool) -> tuple[WorldEvent, ...]:
-        """Take whether the vehicle is armed: where it was armed, or stands disarmed, is its take-off place."""
+        """Take whether the vehicle is armed. Its take-off place is where it is armed, or at rest and disarmed."""
         was, self._armed = self._armed, armed
         if self._last is None or self._last.place is None:
             return ()
@@ -107,11 +107,11 @@ class World:
         return self._stands(self._last)
 
     def on_global_origin(self, place: Geodetic) -> None:
-        """Take GPS_GLOBAL_ORIGIN, which counts only before the origin is frozen."""
+        """Take GPS_GLOBAL_ORIGIN; it is used only before the origin is frozen."""
         self._global_origin = place
 
     def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
-        """Freeze the origin at the first usable position; each may show where the vehicle stands."""
+        """Freeze the origin at the first usable position. Each position may show where the vehicle is at rest."""
         if position.place is not None:
             self._position = position
         if self._gps_fix_type is None or self._gps_fix_type >= FIX_3D:
@@ -120,7 +120,7 @@ class World:
         return (*self._decide(position), *self._stands(position))
 
     def _flies(self, position: Position) -> None:
-        """Take whether an armed vehicle leaves its height; one that is first heard in the air comes down from it."""
+        """Detect that an armed vehicle flies: its height changes. A vehicle first received in the air descends."""
         if self._armed is not True:
             self._armed_height_m = None
         elif self._armed_height_m is None:
@@ -144,8 +144,8 @@ class World:
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
     def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...] | None:
-        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place. Returns
-        None for a home that the vehicle's position contradicts.
+        """Take HOME_POSITION. Its altitude is that of the home surface; the first home is the take-off place. Returns
+        None for a home that contradicts the vehicle's position.
         """
         if not self._is_plausible(place):
             return None
@@ -162,7 +162,7 @@ class World:
         return self._found(position.place, TakeOffSource.LANDING if self._flew else TakeOffSource.STANDING)
 
     def _found(self, place: Geodetic, source: TakeOffSource) -> tuple[WorldEvent, ...]:
-        """Take a take-off place that is better known than the one before."""
+        """Set a take-off place that is better known than the previous one."""
         if self._take_off is not None and _STRENGTH[source] <= _STRENGTH[self._take_off.source]:
             return ()
         self._take_off = TakeOff(place, source)

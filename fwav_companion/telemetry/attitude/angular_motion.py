@@ -11,11 +11,11 @@ from fwav_companion.telemetry.attitude.rate_fit import ALTERNATING, RateFit
 from fwav_companion.types import AttitudeSample
 
 MOST_SWING = 0.5
-"""rad: amplitude assumed where nothing better is known."""
+"""Amplitude assumed where nothing better is known, and upper limit of the measured one, rad."""
 
 
 class AngularMotion:
-    """Running means over neighbouring samples; their gains are the caller's."""
+    """Running means of the angular motion over neighbouring samples; the caller chooses the averaging gain."""
 
     __slots__ = ("_acceleration2", "_bend2", "_rates", "_unbent2", "rate2", "spacing_s", "swing")
 
@@ -41,8 +41,8 @@ class AngularMotion:
 
     @property
     def frequency(self) -> float:
-        """Angular frequency of the motion, rad/s: its acceleration over its rate; a lower bound where samples
-        alternate.
+        """Angular frequency of the motion, rad/s: RMS acceleration over RMS rate; where samples alternate, a lower
+        bound.
         """
         if self.alternates:
             return pi / self.spacing_s
@@ -54,7 +54,7 @@ class AngularMotion:
         return sqrt(self._acceleration2 / self.rate2) if self.rate2 > 1e-12 else 0.0
 
     def measure(self, three: Sequence[AttitudeSample], gain: float) -> None:
-        """Measure the motion by the attitudes' differences or by the sent rates, whichever show more of it."""
+        """Update the motion from three attitudes' differences or from their sent rates, whichever show more of it."""
         before, middle, after = three
         h = 0.5e-9 * (after.boot_ns - before.boot_ns)
         first, amid, last = aligned([sample.ned_from_body for sample in three])
@@ -67,7 +67,9 @@ class AngularMotion:
         self.swing = self._amplitude()
 
     def measure_alternation(self, four: Sequence[AttitudeSample], gain: float) -> None:
-        """Measure whether each bend of the course undoes the bend before it; bends of noise undo two thirds."""
+        """Update the measure of alternation: whether each second difference of the attitudes undoes the previous one.
+        Second differences of noise undo two thirds.
+        """
         a, b, c, d = aligned([sample.ned_from_body for sample in four])
         bends = [(p - 2.0 * q + r, q - 2.0 * r + s) for p, q, r, s in zip(a, b, c, d, strict=True)]
         self._bend2 += gain * (0.5 * sum(one * one + two * two for one, two in bends) - self._bend2)

@@ -22,11 +22,13 @@ from fwav_companion.telemetry.attitude.quality import SEVEN, AttitudeQuality, Me
 from fwav_companion.types import AttitudeSample, Reason, Unpaired
 
 KEPT_NS = 3 * NS_PER_S
-"""A frame may arrive 0.5 s late and wait 0.4 s; an unsure clock may place it half a second off."""
+"""Time for which attitudes are stored. A frame may arrive 0.5 s late and wait 0.4 s; an uncertain clock may place it
+half a second off."""
 MOST_KEPT = 2048
-"""3 s at 400 Hz are 1200 samples. More than this is a flood, and the oldest samples are dropped."""
+"""Most stored samples: 3 s at 400 Hz are 1200. More than this is a flood, and the oldest samples are dropped."""
 WIDEST_GAP_NS = 500_000_000
-"""An autopilot that refuses every rate still sends 4 Hz: samples are 250 ms apart, and one may be lost."""
+"""Longest interval that is interpolated. An autopilot that refuses every rate still sends 4 Hz: samples are 250 ms
+apart, and one may be lost."""
 MOST_EXTRAPOLATION_NS = 30_000_000
 """Longest extrapolation beyond the newest attitude: a body that flaps 5 deg at 5 Hz has then left its tangent by 2
 deg."""
@@ -35,14 +37,14 @@ EXTRAPOLATED_SHARE = 0.5
 UNSURE_RATE = 0.05
 """One sigma of the body rate at the newest attitude, rad/s, where the stream shows the motion well."""
 END_SLOPE = 32.0 / 3.0
-"""Polynomial through four attitudes: slope error at its end times the spacing, over the error in the middle."""
+"""For a polynomial through four attitudes: slope error at its end times the spacing, over the error in the middle."""
 MOST_SIGMA = 0.1
-"""rad: an attitude interpolated across a hole and less certain than 6 degrees is not used."""
+"""Largest one sigma of a usable attitude that is interpolated across a hole or extrapolated, rad: 6 degrees."""
 HOLE = 2.5
 """An interval is a hole where it exceeds the stream's own spacing by this factor. A stream that is slow throughout has
 no holes."""
 REACH = 4
-"""Intervals on each side whose interpolation a new sample may change."""
+"""Number of intervals on each side of a new sample whose interpolation it may change."""
 
 NONE_YET = Unpaired(Reason.NO_ATTITUDE)
 
@@ -52,7 +54,7 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
 
     ned_from_body: Quaternion
     rates: Vector3
-    """Angular velocity of the interpolated course, rad/s, body axes."""
+    """Angular velocity of the interpolated attitude, rad/s, body axes."""
     sigma: float
     """One sigma that interpolation or extrapolation adds, about each axis, radians."""
     gap_s: float
@@ -60,9 +62,9 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
     spacing_s: float = 0.0
     """Seconds between the samples around the instant; the stream's mean spacing beyond the newest sample."""
     angular_acceleration: Vector3 = ZERO3
-    """Angular acceleration of the interpolated course, rad/s^2, body axes."""
+    """Angular acceleration of the interpolated attitude, rad/s^2, body axes."""
     frequency: float = 0.0
-    """Angular frequency of the motion as the samples show it, rad/s."""
+    """Angular frequency of the motion that the samples show, rad/s."""
 
 
 class AttitudeHistory:
@@ -113,7 +115,7 @@ class AttitudeHistory:
         return True
 
     def shift(self, by_ns: int) -> None:
-        """Move every kept sample in time, together."""
+        """Move all stored samples in time by the same amount."""
         self._samples = [AttitudeSample(BootNs(s.boot_ns + by_ns), s.ned_from_body, s.rates) for s in self._samples]
         self._times = [s.boot_ns for s in self._samples]
         self._segments = [None] * len(self._samples)
@@ -197,7 +199,7 @@ class AttitudeHistory:
         return built
 
     def _beyond(self, boot_ns: BootNs) -> AttitudeAt | Unpaired:
-        """Attitude extrapolated from the newest sample at the rate that the course had there."""
+        """Attitude extrapolated from the newest sample at the interpolated rate there."""
         last = self._samples[-1]
         age_ns = boot_ns - last.boot_ns
         age_s = age_ns * 1e-9
@@ -220,7 +222,7 @@ class AttitudeHistory:
 
     @property
     def _unsure_rate(self) -> float:
-        """One sigma of the course's rate at the newest attitude, rad/s."""
+        """One sigma of the interpolated rate at the newest attitude, rad/s."""
         spacing_s = self.quality.motion.spacing_s
         return UNSURE_RATE + (END_SLOPE * self.quality.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
 

@@ -1,7 +1,7 @@
 """Interpolation of an attitude over one interval: a polynomial on the sphere of unit quaternions.
 
 Each component of the quaternion is a polynomial in time, and the result is normalised. Composition with a fixed
-rotation is linear in the components, so the course does not depend on the frame. Between attitudes a few degrees apart
+rotation is linear in the components, so the result does not depend on the frame. Between attitudes a few degrees apart
 it differs from a polynomial of rotation vectors by far less than either differs from the truth, at a third of the cost.
 """
 
@@ -19,7 +19,7 @@ from fwav_companion.types import AttitudeSample
 MOST_NODES = 6
 NOTHING: Quaternion = (0.0, 0.0, 0.0, 0.0)
 Nodes: TypeAlias = tuple[float, float, float, float, float]
-"""Nodes, seconds; the sixth attitude's own node is not needed."""
+"""Instants of the polynomial's nodes, seconds; the sixth attitude's own node is not needed."""
 Coefficients: TypeAlias = tuple[float, float, float, float, float, float]
 """Newton form: c0 + (s - n0) (c1 + (s - n1) (c2 + ...)). Unused coefficients are 0."""
 Segment: TypeAlias = tuple[BootNs, Nodes, Coefficients, Coefficients, Coefficients, Coefficients]
@@ -27,7 +27,7 @@ Segment: TypeAlias = tuple[BootNs, Nodes, Coefficients, Coefficients, Coefficien
 
 
 def quaternion_at(segment: Segment, boot_ns: BootNs) -> Quaternion:
-    """Unit quaternion at the instant. Unrolled, since it is the hottest function of this room."""
+    """Unit quaternion at the instant. Unrolled, because this function costs the most time of this room."""
     t0, (n0, n1, n2, n3, n4), (w0, w1, w2, w3, w4, w5), (x0, x1, x2, x3, x4, x5), of_y, of_z = segment
     (y0, y1, y2, y3, y4, y5), (z0, z1, z2, z3, z4, z5) = of_y, of_z
     s = (boot_ns - t0) * 1e-9
@@ -41,7 +41,7 @@ def quaternion_at(segment: Segment, boot_ns: BootNs) -> Quaternion:
 
 
 def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3, Vector3]:
-    """Unit quaternion at the instant, and the course's rates and angular acceleration there, rad/s and rad/s^2.
+    """Unit quaternion at the instant, and its rates and angular acceleration there, rad/s and rad/s^2.
 
     Both are in body axes: the imaginary parts of 2 q* dq/dt and of 2 q* d2q/dt2.
     """
@@ -119,7 +119,7 @@ def _derivative(q: Quaternion, rates: Vector3) -> Quaternion:
 
 
 def aligned(quaternions: Sequence[Quaternion]) -> list[Quaternion]:
-    """The same rotations with signs such that neighbours lie on one hemisphere."""
+    """The quaternions with signs such that neighbours lie on one hemisphere; the rotations stay the same."""
     out = [quaternions[0]]
     for w, x, y, z in quaternions[1:]:
         pw, px, py, pz = out[-1]

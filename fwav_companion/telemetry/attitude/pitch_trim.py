@@ -1,20 +1,21 @@
-"""ArduPlane's PTCH_TRIM_DEG, which is subtracted from the pitch in ATTITUDE and nowhere else."""
+"""ArduPlane's PTCH_TRIM_DEG, which ArduPlane subtracts from the pitch in ATTITUDE, but not in other messages."""
 
 from __future__ import annotations
 
 from math import radians
 
 MOST_TRIM_DEG = 60.0
-"""Degrees. A larger value is not a trim of a vehicle that flies level."""
+"""Largest plausible trim, degrees. A larger value is not a trim of a vehicle that flies level."""
 TRIM_STAYS = 1 << 8
 """FLIGHT_OPTIONS bit with which ATTITUDE keeps the trim and is the body's own attitude."""
 MOST_OPTIONS = 2**31
 VTOL_TYPES = frozenset(range(19, 26))
-"""A quadplane may send its VTOL view instead, which has no trim. It does not report which of the two it sends."""
+"""MAV_TYPEs of quadplanes. They may send their VTOL view instead, which has no trim, and do not report which view they
+send."""
 
 
 class PitchTrim:
-    """Trim of the autopilot, known from its parameters; a vehicle without the parameter has none."""
+    """Trim of the autopilot, read from its parameters; a vehicle without the parameter has no trim."""
 
     __slots__ = ("_deg", "_options", "_vtol", "taken_off", "taken_off_deg")
 
@@ -23,9 +24,9 @@ class PitchTrim:
         self._options = 0
         self._vtol = False
         self.taken_off_deg = 0.0
-        """Degrees missing in the pitch of ATTITUDE."""
+        """Trim that is missing in the pitch of ATTITUDE, degrees."""
         self.taken_off = 0.0
-        """The same, radians."""
+        """Trim that is missing in the pitch of ATTITUDE, radians."""
 
     def _settle(self) -> None:
         self.taken_off_deg = 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg

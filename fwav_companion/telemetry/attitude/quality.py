@@ -1,6 +1,6 @@
 """Quality of the attitude stream: the best interpolation, and its error. PURE.
 
-Every interpolation is tried on known samples: one sample is left out and predicted from its neighbours, at twice the
+Every interpolation is tested on known samples: one sample is left out and predicted from its neighbours, at twice the
 spacing. The error of a polynomial there is a known multiple of its error in the middle of an interval.
 """
 
@@ -21,56 +21,58 @@ from fwav_companion.types import AttitudeSample
 from fwav_companion.types.flight_status import AttitudeReport
 
 SEVEN = 7
-"""Neighbouring samples in one check."""
+"""Number of neighbouring samples in one check."""
 CHECK_EVERY_NS = 18_000_000
-"""Fifty checks a second suffice, and bound their cost."""
+"""Least time between two checks: fifty checks a second suffice, and bound their cost."""
 FIRST_TRIALS = 100
-"""Checks that try out every interpolation: two seconds, as long as the memory. Later ones measure the motion alone."""
+"""Number of first checks that test every interpolation: two seconds, as long as the memory. Later checks measure the
+motion alone."""
 THEN_EVERY_NS = 100_000_000
-"""Mean pause between later trials: at 100 Hz about every tenth sample. One costs as two attitudes without it."""
+"""Mean pause between later trials (checks that test every interpolation): at 100 Hz about every tenth sample. A trial
+costs as much time as two attitudes without one."""
 GOLDEN = 0.6180339887498949
-"""Multiples of the golden ratio place each trial in its own pause, evenly: at a constant pause a motion of ten beats a
-second would be seen at one phase only."""
+"""Golden ratio. Its multiples spread the trials evenly over the phases of their pauses: with a constant pause, a motion
+of ten beats a second would be seen at one phase only."""
 MEMORY_S = 2.0
 CHECKS_TO_BEGIN = 20
 UNEVEN = 2.5
 """Seven samples whose longest interval exceeds the shortest by this factor are not used for checks."""
 
 FOUR_IS_ENOUGH = 1.5e-4
-"""rad, RMS: 1.5 mm from 10 m. Four attitudes need the least waiting, so another method needs a reason."""
+"""Error of four attitudes below which no other method is considered, rad, RMS: 1.5 mm from 10 m. Four attitudes need
+the least waiting."""
 CHANGE_FOR = 0.7
-"""Another method is chosen where it promises errors smaller by this factor."""
+"""Factor on the present method's error: another method is chosen where its error is below the product."""
 
 FOUR_LEFT_OUT, SIX_LEFT_OUT, RATES_LEFT_OUT = 64.0 / 9.0, 36.0 * 64.0 / 225.0, 16.0
-"""Leave-one-out error over the error in the middle of an interval: ratios of the products of distances."""
+"""Leave-one-out error over the error in the middle of an interval: ratios of the products of distances to the nodes."""
 SIX_NOISE = 1.0 + 524.0 / 400.0
 """Variance of a leave-one-out error of six, for independent sample errors: one plus the squared weights."""
 NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
-"""The same as a ratio: (left out of four)^2 over (left out of six)^2."""
+"""Ratio of leave-one-out variances for independent sample errors: that of four attitudes over that of six."""
 MOST_NOISE = 0.01
-"""rad, RMS about all axes together: an autopilot's attitudes scatter by 0.1 or 0.2 degrees. A larger leave-one-out
-error of six is motion that the samples do not show."""
+"""Largest noise of attitudes, rad, RMS about all axes together: an autopilot's attitudes scatter by 0.1 or 0.2 degrees.
+A larger leave-one-out error of six is motion that the samples do not show."""
 SLOWEST_CHECKED_RATE = 0.1
-"""rad/s, RMS: in slower motion an error of a stamp does not show in the attitudes."""
+"""Angular rate below which an error of a stamp does not show in the attitudes, rad/s, RMS."""
 
 UNCHECKED_SHARE = 0.1
 """Interpolation error before the stream was measured, as a share of acceleration times interval squared. A chord misses
 an eighth."""
 HOPELESS = 0.25
-"""Share of the squared swing: leave-one-out errors this large do not shrink by the known ratio."""
+"""Share of the squared swing from which squared leave-one-out errors do not shrink by the known ratio."""
 TOO_SLOW = 0.1
-"""Share of the rates' mean square that the attitudes leave unexplained: above it the stream does not show the
+"""Share of the rates' mean square that the attitudes leave unexplained, above which the stream does not show the
 motion."""
 SMOOTH = 0.01
-"""rad, RMS: the most by which the attitudes can miss a motion that only the rates show. Faster than half the sample
-rate it has an amplitude below its rate times the spacing over pi. Below 0.6 degrees the vehicle moves smoothly: what is
-missed is noise of its attitudes, and their instants are known. A wing of 5 degrees at 5 Hz, sampled at 3.3 Hz, is at
-0.19."""
+"""Bound on the motion that only the rates show, rad, RMS. A motion faster than half the sample rate has an amplitude
+below its rate times the spacing over pi. If that is below 0.6 degrees, the vehicle moves smoothly: the missed part is
+noise of its attitudes, and their instants are known. A wing of 5 degrees at 5 Hz, sampled at 3.3 Hz, is at 0.19."""
 STILL = 0.03
-"""rad/s, RMS of the rates as sent, all axes together (1.7 deg/s). Below it the vehicle stands still: what is left
-unexplained is noise of the gyros (0.1 deg/s), or a step of the attitude alone, as when an EKF aligns its yaw. A motion
-of 15 Hz that fits below it has an amplitude of 0.5 mrad: 5 mm from 10 m. Interpolation and its sigma do not
-depend on it: at such rates an error of the instant moves nothing."""
+"""Rate below which the vehicle is at rest, rad/s, RMS of the rates as sent, all axes together (1.7 deg/s). The
+unexplained rest is then noise of the gyros (0.1 deg/s), or a step of the attitude alone, as when an EKF aligns its yaw.
+A motion of 15 Hz below this rate has an amplitude of 0.5 mrad: 5 mm from 10 m. Interpolation and its sigma do not
+depend on this bound, because at such rates an error of the instant has no effect."""
 
 
 class Method(StrEnum):
@@ -86,7 +88,7 @@ POWERS = {Method.FOUR: 4, Method.SIX: 6, Method.RATES: 4}
 
 
 class _Unseen(NamedTuple):
-    """Motion that the attitudes may miss, by the checks so far."""
+    """Motion that the attitudes may miss, from the checks so far."""
 
     angle: float
     """RMS of a motion that only the rates show, rad; 0 where the stream is too slow for it."""
@@ -96,11 +98,11 @@ class _Unseen(NamedTuple):
 
 
 ALL_SEEN = _Unseen(0.0, 0.0, 0.0)
-"""The attitudes show the motion."""
+"""Result where the attitudes show the motion."""
 
 
 class AttitudeQuality:
-    """Running means of the last seconds over checks of seven neighbouring samples."""
+    """Quality of the attitude stream: running means over the last seconds' checks of seven neighbouring samples."""
 
     __slots__ = (
         "_due_ns",
@@ -123,9 +125,9 @@ class AttitudeQuality:
         self._tried_ns: BootNs | None = None
         self._due_ns = 0
         self.count = self.trials = 0
-        """Checks so far, and those that tried out the interpolations."""
+        """Number of checks so far, and of those that tested the interpolations."""
         self.settled = False
-        """Whether enough samples were checked for the results to count."""
+        """Whether enough samples were checked for the results to be used."""
         self._four2 = self._six2 = self._rates2 = 0.0
         self._unseen: _Unseen | None = None
         self.rates = RateFit()
@@ -139,10 +141,10 @@ class AttitudeQuality:
 
     @property
     def stamp_scatter_s(self) -> float:
-        """Upper bound of the independent errors of stamps, RMS seconds: larger errors would show in moving attitudes.
+        """Upper bound of the independent errors of stamps, s, RMS: larger errors would show in moving attitudes.
 
-        Noise, and motion too fast for the stream, make it larger than the truth. Infinite where the motion is too slow
-        to show it.
+        Noise, and motion too fast for the stream, make the bound larger than the errors. It is infinite where the
+        motion is too slow to show them.
         """
         if not self.settled or self.motion.rate2 < SLOWEST_CHECKED_RATE**2:
             return inf
@@ -150,12 +152,14 @@ class AttitudeQuality:
 
     @property
     def instant_sigma_s(self) -> float:
-        """One sigma of an attitude's instant where attitudes are too slow for the motion: the whole spacing is open."""
+        """One sigma of an attitude's instant, s. Not 0 where attitudes are too slow for the motion: then the instant is
+        uniform over the whole spacing.
+        """
         return self._missed().instant_sigma_s if self.settled else 0.0
 
     @property
     def still(self) -> bool:
-        """Whether rates are sent, and show no motion."""
+        """Whether the autopilot sends rates that show no motion."""
         return 0.0 < self.rates.sent_rms < STILL and not self.motion.alternates
 
     @property
@@ -183,7 +187,7 @@ class AttitudeQuality:
         return sqrt(self._amid_interval2(self._rates2, RATES_LEFT_OUT))
 
     def _missed(self) -> _Unseen:
-        """The motion that is missed. Needed with every attitude that is asked for, and changed by checks alone."""
+        """The missed motion, cached: every queried attitude needs it, and only checks change it."""
         if self._unseen is None:
             self._unseen = self._motion_unseen() if self.too_slow else ALL_SEEN
         return self._unseen
@@ -232,7 +236,7 @@ class AttitudeQuality:
             self._try_all(seven, middle_ns)
 
     def _try_all(self, seven: Sequence[AttitudeSample], middle_ns: BootNs) -> None:
-        """Try out every interpolation and the rates, and choose."""
+        """Test every interpolation and the rates, and choose a method."""
         elapsed_s = MEMORY_S if self._tried_ns is None else abs(middle_ns - self._tried_ns) * 1e-9
         self._tried_ns = middle_ns
         self.trials += 1
@@ -259,7 +263,7 @@ class AttitudeQuality:
             )
 
     def _four_truncation2(self) -> float:
-        """Squared error of four attitudes by the motion alone, without the noise of the samples."""
+        """Squared error of four attitudes due to the motion alone, without the noise of the samples."""
         if self._hopeless(self._four2):
             return self._four2
         noise2 = min(self._six2, SIX_NOISE * MOST_NOISE**2)

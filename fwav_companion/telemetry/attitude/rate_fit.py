@@ -1,4 +1,4 @@
-"""Fits how the body rates sent with attitudes differ from the attitudes' own course, and corrects them.
+"""Fits how the sent body rates differ from the derivative of the attitudes, and corrects the rates.
 
 Autopilots filter their gyroscopes before they send rates (ArduPilot: two poles at 20 Hz, 11 ms late), while the
 attitude integrates unfiltered ones. A two-pole filter is undone exactly by
@@ -25,29 +25,31 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3, dot, scale, subtra
 from fwav_companion.types import AttitudeSample
 
 MEMORY_S = 3.0
-"""Seconds: a dozen beats of a slow wing. Filters do not change in flight."""
+"""Time constant of the fit, seconds: a dozen beats of a slow wing. Filters do not change in flight."""
 TRUST_IN_SENT = 1e-3
-"""Weight of the rates as sent against the data: settles what a single frequency cannot determine, and nothing else."""
+"""Weight of the prior, the rates as sent, against the data: it decides only what a single frequency cannot
+determine."""
 SAMPLES_TO_BEGIN = 30
 GAINS = (0.85, 3.0)
 LAGS_S = (-0.005, 0.04)
-"""Range of lags that filters have (22 ms for two poles at 10 Hz). A fit outside it found a stream too slow to show the
-motion, whose remainder may fit anything."""
+"""Range of lags that filters have (22 ms for two poles at 10 Hz), seconds. A fit outside this range means that the
+stream is too slow to show the motion; its remainder may fit anything."""
 MOST_OF_A_BEAT = 0.3
-"""Longest lag as a share of a beat, for the same reason. Two poles at 20 Hz are a quarter of a beat late at 20 Hz, and
-seem so at 12 Hz with 30 samples a second; 15 Hz with 25 samples, which looks like 10 Hz backwards, seems late by a
-third."""
+"""Longest lag as a share of a beat; a longer one also means that the stream is too slow. Two poles at 20 Hz are a
+quarter of a beat late at 20 Hz, and seem so at 12 Hz with 30 samples a second; 15 Hz with 25 samples, which looks like
+10 Hz backwards, seems late by a third."""
 ALTERNATING = 0.9
-"""Share of each step between rates that the next step undoes, on average: a beat then takes less than 2.3 samples
-(steps of noise undo half). Any lag and any gain fit rates that only alternate."""
+"""Mean share of each step between rates that the next step undoes, above which the rates only alternate: a beat then
+takes less than 2.3 samples (steps of noise undo half). Any lag and any gain fit rates that only alternate."""
 SWIFT = 0.6
-"""The same share where the steps themselves show the beat best: it takes less than 2.8 samples."""
+"""Mean share of each step that the next step undoes, above which the steps themselves show the beat best: it takes less
+than 2.8 samples."""
 QUIET = 1e-3
-"""rad/s: rates that never exceed this are taken as not sent."""
+"""Rate below which rates count as not sent, rad/s."""
 
 
 class RateModel(msgspec.Struct, frozen=True):
-    """``rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2``."""
+    """Correction of sent rates: ``rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2``."""
 
     gain: float = 1.0
     lag_s: float = 0.0
@@ -69,7 +71,7 @@ AS_SENT = RateModel()
 
 
 class RateFit:
-    """Recursive least squares with a short memory, five samples at a time."""
+    """Fits the rate model by recursive least squares with a short memory, five samples at a time."""
 
     __slots__ = (
         "_count",
@@ -96,14 +98,14 @@ class RateFit:
         self._yy = 0.0
         self._sent2 = self._step2 = self._undone2 = 0.0
         self._undone = 0.0
-        """Share of each step that the next step undoes."""
+        """Mean share of each step between rates that the next step undoes."""
         self.alternates = False
         """Whether half a period of the motion lies between two samples."""
         self.sent_rms = 0.0
         """RMS of the rates as sent, rad/s."""
         self.disagreement = 0.0
-        """RMS difference of the corrected rates and the attitudes' course, rad/s; all that alternates where the two
-        cannot be compared."""
+        """RMS difference of the corrected rates and the attitudes' derivative, rad/s. Where the two cannot be compared,
+        all alternating motion counts."""
         self.model = AS_SENT
         """Best fit of the correction."""
         self.usable = False
@@ -111,8 +113,8 @@ class RateFit:
         would."""
 
     def insert(self, five: Sequence[AttitudeSample], frequency: float, elapsed_s: float) -> None:
-        """Take five neighbouring samples, ``elapsed_s`` after the last ones; the model is judged at ``frequency``,
-        rad/s.
+        """Update the fit with five neighbouring samples, ``elapsed_s`` after the last ones, and check the model at
+        ``frequency``, rad/s.
         """
         columns, course = _equation(five)
         keep = exp(-elapsed_s / MEMORY_S)
@@ -147,7 +149,7 @@ class RateFit:
         return sqrt(max(0.0, rest) / self._weight)
 
     def _judge(self, frequencies: Sequence[float]) -> None:
-        """Judge the model at each frequency that the motion may have, rad/s."""
+        """Check the model at each frequency that the motion may have, rad/s."""
         n00, n01, n02, n11, n12, n22 = self._normal
         trust = TRUST_IN_SENT
         solution = _solve(

@@ -8,12 +8,12 @@ from fwav_companion.telemetry.events import AttitudeSource
 EULER, QUATERNION = "ATTITUDE", "ATTITUDE_QUATERNION"
 
 FALL_BACK_NS = 10 * NS_PER_S
-"""ATTITUDE_QUATERNION that is silent for this long, through several renewed requests, counts as refused. A shorter time
+"""Silence of ATTITUDE_QUATERNION, through several renewed requests, after which it counts as refused. A shorter time
 would be wrong: after a reboot ATTITUDE arrives first, and on an ArduPlane with a trim it is degrees off."""
 
 
 class AttitudeChoice:
-    """Choice of one source at a time, since the two messages may differ by a constant."""
+    """Choice of one source at a time, because the two messages may differ by a constant."""
 
     __slots__ = ("_asked_for", "_quaternion_ns", "source")
 

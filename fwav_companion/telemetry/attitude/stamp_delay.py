@@ -1,11 +1,11 @@
-"""Delay of attitude stamps: by the loop that packs the message, and by truncation to milliseconds."""
+"""Errors of attitude stamps: the delay of the loop that packs the message, and truncation to milliseconds."""
 
 from __future__ import annotations
 
 from math import sqrt
 
 HALF_MS_NS = 500_000
-"""A stamp truncated to whole milliseconds is 0.5 ms early on average."""
+"""Mean truncation error: a stamp truncated to whole milliseconds is 0.5 ms early on average."""
 CUT_S = 1e-3
 
 COPTER_DELAY_S = 0.0025
@@ -20,20 +20,22 @@ SLOWEST_LOOP_HZ, FASTEST_LOOP_HZ = 50.0, 2000.0
 """Limits that ArduPilot sets to SCHED_LOOP_RATE (AP_Scheduler::init)."""
 
 IN_STEP_S, OUT_OF_STEP_S = 1.2e-4, 2.0e-4
-"""Truncation to milliseconds alone scatters stamps by 0.29 ms RMS."""
+"""Bounds of the stamps' scatter, seconds RMS: below the first, stamps count as synchronous with sampling; above the
+second, no longer. Truncation to milliseconds alone scatters stamps by 0.29 ms RMS."""
 
 SAMPLES_SHARE = 0.8
-"""Interpolation averages samples whose stamps err independently: sqrt(sum of squared weights)."""
+"""Stamp error of an interpolated attitude over that of one sample: interpolation averages samples whose stamps err
+independently, which gives sqrt(sum of squared weights)."""
 
 
 class AttitudeStamps:
     """Model of attitude stamps: an attitude is older than its stamp by up to ``delay_s``, uniformly. The mean is
     corrected, the rest is uncertainty.
 
-    Where the attitudes show that stamps do not scatter, stamps are synchronous with sampling, at an interval that
-    attitudes cannot show, and no delay is corrected. A simulator that samples on whole milliseconds is then placed
-    exactly, and a scheduler that never varies as well as can be known. A configured delay other than 0 is always
-    applied.
+    Where the attitudes show that stamps do not scatter, stamps are synchronous with sampling. Attitudes cannot show the
+    constant delay that remains, so no delay is corrected. This is exact for a simulator that samples on whole
+    milliseconds, and the best that can be known for a scheduler that never varies. A configured delay other than 0 is
+    always applied.
     """
 
     __slots__ = ("_automatic", "_loop_hz", "_plane", "correction_ns", "delay_s", "in_step")
@@ -59,27 +61,23 @@ class AttitudeStamps:
         return SAMPLES_SHARE * sqrt((CUT_S * CUT_S + self.delay_s * self.delay_s) / 12.0)
 
     def on_heartbeat(self, autopilot: int, vehicle_type: int) -> int:
-        """Take a HEARTBEAT. Returns by how many nanoseconds the correction moved."""
+        """Take a HEARTBEAT. Returns the change of the correction, nanoseconds."""
         return self._settle(
             self._loop_hz, self._plane or (autopilot == AUTOPILOT_ARDUPILOT and vehicle_type in PLANE_TYPES)
         )
 
     def on_text(self, text: str) -> int:
-        """Take a STATUSTEXT: ArduPlane's banner names it. Returns by how many nanoseconds the correction moved."""
+        """Take a STATUSTEXT: ArduPlane's banner names the firmware. Returns the change of the correction, ns."""
         return self._settle(self._loop_hz, self._plane or text.startswith("ArduPlane V"))
 
     def on_parameter(self, name: str, value: float) -> int:
-        """Take a parameter: SCHED_LOOP_RATE gives the exact delay. Returns by how many nanoseconds the correction
-        moved.
-        """
+        """Take a parameter: SCHED_LOOP_RATE gives the exact delay. Returns the change of the correction, ns."""
         if name.rstrip("\0") != "SCHED_LOOP_RATE" or not SLOWEST_LOOP_HZ <= value <= FASTEST_LOOP_HZ:
             return 0
         return self._settle(float(value), self._plane)
 
     def on_scatter(self, scatter_s: float) -> int:
-        """Take the bound of the stamps' scatter by the attitudes. Returns by how many nanoseconds the correction
-        moved.
-        """
+        """Take the bound of the stamps' scatter from the attitudes, s. Returns the change of the correction, ns."""
         self.in_step = scatter_s < (OUT_OF_STEP_S if self.in_step else IN_STEP_S)
         return self._moved_ns()
 

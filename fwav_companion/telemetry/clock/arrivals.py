@@ -10,23 +10,25 @@ from fwav_companion.telemetry.clock.envelopes import lower_hull
 
 BUCKET_NS = NS_PER_S
 BUCKETS, SIMULATED_BUCKETS = 30, 6
-"""Seconds, of each of which the least delay is stored; and those of a simulator, whose rate varies with its load. In a
-recorded flight of PX4's simulator at 0.987 of real time these least delays lie within 3 ms of a line over 6 s (median),
-within 14 ms over 30 s; over 2 s a single late one bends the line."""
+"""Number of buckets of one second whose least delay is stored, for a crystal's clock and for a simulator, whose rate
+varies with its load. In a recorded flight of PX4's simulator at 0.987 of real time these least delays lie within 3 ms
+of a line over 6 s (median), within 14 ms over 30 s; over 2 s a single late one bends the line."""
 RATE_VARIES = 0.02
-"""One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time: the
-follower's RATE_WANDER at a departure of a tenth. At the recorded 0.987 the term is 0.8 ms, and the whole claim there is
-2.5 times the error; pauses are covered by LATE_ARRIVALS."""
+"""One sigma of a simulator's rate within those buckets, in units of its departure from real time: the follower's
+RATE_WANDER at a departure of a tenth. At the recorded 0.987 the term is 0.8 ms, and the total sigma there is 2.5 times
+the error; pauses are covered by LATE_ARRIVALS."""
 ARRIVALS_TO_BEGIN = 10
 LATE_ARRIVALS = 3
-"""Arrivals of one window, of which the least late counts: one or two may be late by chance. The least of three
-exponential delays is a third of their mean. Windows do not overlap, so a pause is seen within five arrivals."""
+"""Number of arrivals in one window. The least late of them is used, because one or two may be late by chance. The least
+of three exponential delays is a third of their mean. Windows do not overlap, so a pause is seen within five
+arrivals."""
 
 LEAST_DELAY_SIGMA_S = 5e-3
-"""One sigma of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a
-few over Wi-Fi; a telemetry radio's tens of milliseconds are three of these sigmas."""
+"""One sigma of the least transport delay, which arrivals cannot show, s: 0.4 ms on a 921600 serial line, 7 ms at 57600,
+a few over Wi-Fi; a telemetry radio's tens of milliseconds are three of these sigmas."""
 LEAST_DELAY_BOUND_S = 0.1
-"""An assumption, not a measurement: images cannot be paired over a link whose fastest message takes longer."""
+"""Bound of the least transport delay, s. It is an assumption, not a measurement: images cannot be paired over a link
+whose fastest message takes longer."""
 
 
 class ArrivalEnvelope:
@@ -49,17 +51,17 @@ class ArrivalEnvelope:
     )
 
     def __init__(self, rate: float = 1.0) -> None:
-        """``rate``: of the autopilot's clock, if it is not a crystal's; it varies by as much as it differs from 1."""
+        """``rate``: rate of the autopilot's clock, if not a crystal's; it varies by as much as it differs from 1."""
         self.line: ClockLine | None = None
         self.late_s = 0.0
-        """Lateness of the newest arrivals against the line, seconds; it adds to the line's own sigma. The clock stood
-        still for a while, as a simulator's does, or a queue has grown. The line follows a clock that stood still only
-        when the buckets from before are gone."""
+        """Lateness of the newest arrivals against the line, seconds; it adds to the line's own sigma. Either the clock
+        paused for a while, as a simulator's does, or a queue has grown. The line follows a clock that paused only when
+        the buckets from before the pause are gone."""
         self._late, self._least_late_ns = 0, 0
         room = max(MOST_SKEW, abs(1.0 - rate))
         self._stored = BUCKETS if room == MOST_SKEW else SIMULATED_BUCKETS
         self._unsteady = RATE_VARIES * abs(1.0 - rate)
-        # Half the rate at least: a simulator that pauses repeats its stamp, and a skew of 1 would be a clock at rest.
+        # At least half the rate: a simulator that pauses repeats its stamp, and a skew of 1 would be a clock at rest.
         self._least_skew, self._most_skew = 1.0 - rate - room, min(1.0 - rate + room, 1.0 - 0.5 * rate)
         self._buckets: list[tuple[int, HostNs, int]] = []  # (second, arrival, least offset), oldest first
         self._count = 0
@@ -89,14 +91,14 @@ class ArrivalEnvelope:
             self.line = self._fit()
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
-        """Bound of the offset's error: below by the assumed bound of the least delay, above by drift alone."""
+        """Bound of the offset's error, seconds: the assumed bound of the least delay below, drift alone above."""
         least_ns = min(
             [o + (self._most_skew if now > at else self._least_skew) * (now - at) for _, at, o in self._buckets]
         )
         return max(abs(least_ns - offset_ns) * 1e-9, 0.0) + LEAST_DELAY_BOUND_S
 
     def _fit(self) -> ClockLine:
-        """Edge of the lower convex hull that spans the mean instant: the highest line below all points there."""
+        """Line along the lower convex hull's edge at the mean instant: the highest line below all points there."""
         _, ref_ns, ref_offset_ns = self._buckets[-1]
         points = [((at - ref_ns) * 1e-9, (offset - ref_offset_ns) * 1e-9) for _, at, offset in self._buckets]
         hull = lower_hull(points)

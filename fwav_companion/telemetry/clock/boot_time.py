@@ -1,4 +1,4 @@
-"""Unwraps the autopilot's 32-bit milliseconds past 49.7 days, and notices a reboot: stamps go back and stay back."""
+"""Unwraps the autopilot's 32-bit milliseconds past 49.7 days, and detects a reboot: stamps go back and stay back."""
 
 from __future__ import annotations
 
@@ -9,39 +9,42 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs
 
 WRAP_NS = 2**32 * NS_PER_MS
-"""time_boot_ms is a uint32 of milliseconds: 49.7 days."""
+"""Period after which time_boot_ms, a uint32 of milliseconds, wraps: 49.7 days."""
 
 MOST_DISORDER_NS = 1 * NS_PER_S
-"""Datagrams overtake one another by tens of milliseconds; two radio links to one autopilot by hundreds."""
+"""Largest distance behind the newest stamp that counts as reordering. Datagrams overtake one another by tens of
+milliseconds; two radio links to one autopilot by hundreds."""
 
 MOST_CATCHING_UP_NS = 10 * NS_PER_S
-"""A link that stalls for seconds and then delivers makes stamps run ahead of the host's clock."""
+"""Largest lead over the expected stamp that counts as delayed delivery: a link that stalls for seconds and then
+delivers makes stamps run ahead of the host's clock."""
 
 STRANGE_STAMPS_FOR_A_REBOOT = 3
 STAYS_BACK_NS = 200 * NS_PER_MS
-"""Consecutive stamps that agree with one another, and the time over which they arrive: a single wild stamp, a slow
-second link, or a late copy of a few messages, is not a reboot."""
+"""Number of consecutive stamps that must agree with one another, and the time over which they must arrive. A single
+wild stamp, a slow second link, or a late copy of a few messages is not a reboot."""
 
 
 LEAST_MISSING_NS = 5 * NS_PER_S
-"""An autopilot that was silent since shortly after its boot may be back with a later stamp: this much of the silence is
-then missing. A simulator that was stopped that long in its first seconds looks alike, and loses as little."""
+"""Part of a silence that the autopilot's clock must lack to count as rebooted: an autopilot that was silent since
+shortly after its boot may return with a later stamp. A simulator that was stopped that long in its first seconds looks
+the same, and loses as little."""
 
 
 class Restarted(msgspec.Struct, frozen=True):
     """The stamps began again: they went back and stayed back."""
 
     boot_ns: BootNs
-    """Stamp that decided it, on the new time line."""
+    """Stamp that decided the reboot, on the new time line."""
 
 
 class Skipped(msgspec.Struct, frozen=True):
     """The stamps went far ahead and stayed there: the clock jumped, or this host slept."""
 
     boot_ns: BootNs
-    """Stamp that decided it, on the same time line."""
+    """Stamp that decided the jump, on the same time line."""
     ahead_ns: int
-    """Distance from where it was expected."""
+    """Stamp minus expected stamp, nanoseconds."""
 
 
 Placed: TypeAlias = "BootNs | Strange | Restarted | Skipped"
@@ -52,7 +55,7 @@ class Strange(msgspec.Struct, frozen=True):
 
 
 class BootTimeline:
-    """Places 32-bit stamps on a monotonic time line, and notices when the autopilot began another."""
+    """Places 32-bit stamps on a monotonic time line, and detects when the autopilot began a new one."""
 
     __slots__ = ("_newest_arrival_ns", "_suspects", "newest_ns")
 
@@ -63,10 +66,10 @@ class BootTimeline:
         self._suspects: list[tuple[int, HostNs]] = []
 
     def place(self, time_boot_ms: int, arrival_ns: HostNs) -> Placed:
-        """A whole-millisecond stamp, unwrapped; it may be up to 1 s older than the newest."""
+        """Unwrap a stamp of whole milliseconds; it may be up to 1 s older than the newest."""
         newest_ns, silent_ns = self.newest_ns, arrival_ns - self._newest_arrival_ns
         stamp_ns = time_boot_ms * NS_PER_MS
-        # Nearly every stamp is a little newer than the last one, and needs none of the questions below.
+        # Nearly every stamp is a little newer than the last one, and needs none of the checks below.
         if (
             newest_ns is not None
             and 0 <= silent_ns < stamp_ns
@@ -81,7 +84,7 @@ class BootTimeline:
         return placed
 
     def align(self, autopilot_ns: int, arrival_ns: HostNs) -> Placed:
-        """An instant of the same clock (TIMESYNC has it in full), moved by whole wraps to where the stamps run."""
+        """Move an instant of the same clock (TIMESYNC sends all 64 bits) by whole wraps to the stamps' time line."""
         if self.newest_ns is None:
             return self._begin(autopilot_ns, arrival_ns)
         expected_ns = self._expected(arrival_ns)

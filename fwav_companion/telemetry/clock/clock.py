@@ -1,4 +1,4 @@
-"""Autopilot time and host time in terms of one another: ``host = boot + host_from_autopilot``."""
+"""Conversion between autopilot time and host time: ``host = boot + host_from_autopilot``."""
 
 from __future__ import annotations
 
@@ -14,42 +14,45 @@ from fwav_companion.telemetry.clock.hard_bound import Exchange, exchange_from
 from fwav_companion.types import ClockEstimate, ClockExchange, ClockStatus, Reason, Unpaired
 
 EXCHANGES_FOR_TRUST = 3
-"""With fewer exchanges the envelope of arrivals is better."""
+"""Least number of exchanges for an estimate from them: with fewer, the envelope of arrivals is better."""
 EXCHANGES_WHEN_SETTLED = 20
 SETTLED_SIGMA_S = 2e-3
 EXCHANGES_OUTLIVED_S = 120.0
-"""At 600 ppm the bound has then grown by 72 ms, and arrivals are better."""
+"""Age of the last exchange from which arrivals are better, s: at 600 ppm the bound has then grown by 72 ms."""
 FOLLOWED_OUTLIVED_NS = 10 * NS_PER_S
-"""A followed clock without answers: at 1 % its offset has then moved by 100 ms, and arrivals are as good."""
+"""Age of a followed clock's last exchange from which arrivals are used: at 1 % its offset has then moved by 100 ms, and
+arrivals are as good."""
 DOUBTFUL_SIGMA_S = 0.01
-"""Of a followed clock: at 1 m/s a landing is off by a centimetre, at 30 deg/s by 0.3 deg."""
+"""One sigma of a followed clock above which it is doubtful, s: at 1 m/s a landing is off by a centimetre, at 30 deg/s
+by 0.3 deg."""
 EXCHANGES_BEFORE = 64
-"""Exchanges before a contradiction that the follower begins with."""
+"""Number of exchanges before a contradiction from which the follower starts."""
 
 BEYOND_DOUBT = 3.0
-"""Sigmas: arrivals give no hard bound, and the sigma covers a least delay that wanders."""
+"""Least bound of an estimate from arrivals, in sigmas: arrivals give no hard bound, and the sigma covers a least delay
+that wanders."""
 
 UNKNOWN = Unpaired(Reason.NO_CLOCK)
 
 
 class Clock:
-    """Clock estimate by TIMESYNC exchanges where they are answered, else by arrivals alone.
+    """Clock estimate from TIMESYNC exchanges where requests are answered, else from arrivals alone.
 
     While exchanges agree to 600 ppm, as two crystals do, a line through two minutes of them is the estimate. A clock
-    that leaves this range is followed exchange by exchange until it has been a crystal's again for 20 s.
+    that leaves this range is followed exchange by exchange until it has stayed within the range for 20 s.
     """
 
     __slots__ = ("_arrivals", "_basis", "_exchanges", "_followed", "_rate", "_reports")
 
     def __init__(self, rate: float = 1.0) -> None:
-        """``rate``: of the autopilot's clock by all arrivals of a recording, where it is not a crystal's."""
+        """``rate``: rate of the autopilot's clock from all arrivals of a recording, where it is not a crystal's."""
         self._rate = rate
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope(rate)
         self._followed: FollowedClock | None = None
         self._reports = ClockReports()
         self._basis: FollowedClock | ClockLine | None = None
-        """What answers until the next exchange or arrival; None until it is asked for."""
+        """Estimate in use until the next exchange or arrival; None until the next query chooses it."""
 
     def on_exchange(self, exchange: ClockExchange) -> ClockNews | None:
         """Take an answered request. Returns a slip of the autopilot's clock, or its rate, when it is found."""
@@ -74,7 +77,7 @@ class Clock:
         self._arrivals.insert(stamp_ns, arrival_ns)
 
     def skip(self) -> None:
-        """Forget how stamps arrived: they continue far ahead of where they were expected."""
+        """Forget the arrivals: the stamps continue far ahead of their expected values."""
         self._arrivals, self._basis = ArrivalEnvelope(self._rate), None
 
     def reset(self) -> None:
@@ -86,8 +89,8 @@ class Clock:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether more exchanges would help: they are few since the start or a change of skew, contradict one another,
-        or the clock is followed.
+        """Whether more exchanges would help: they are few since the start or a change of skew, they contradict one
+        another, or the clock is followed.
         """
         if self._followed is not None or self._exchanges.contradicting:
             return True
@@ -166,13 +169,13 @@ class Clock:
         )
 
     def _chosen(self) -> FollowedClock | ClockLine | None:
-        """What answers now; None while nothing is known."""
+        """Estimate to use now; None while nothing is known."""
         self._basis = self._answering or self._line()
         return self._basis
 
     @property
     def _answering(self) -> FollowedClock | None:
-        """The follower, where its exchanges are newer than arrivals can make up for."""
+        """The follower, unless its exchanges are so old that arrivals are as good; None without one."""
         arrivals, followed = self._arrivals.line, self._followed
         if followed is None or arrivals is None:
             return followed
@@ -190,7 +193,7 @@ class Clock:
             self._exchanges.insert(entry)
 
     def _line_sigma_s(self, line: ClockLine, host_ns: HostNs) -> float:
-        """One sigma of the line's offset, with what the newest arrivals or exchanges say against it, seconds."""
+        """One sigma of the line's offset, the contradiction by the newest arrivals or exchanges included, seconds."""
         if line is self._arrivals.line:
             return hypot(line.sigma_s(host_ns), self._arrivals.late_s)
         if not self._exchanges.contradicting:

@@ -9,14 +9,15 @@ import msgspec
 from fwav_companion.geometry.stamps import BootNs, HostNs
 
 MOST_SKEW = 600e-6
-"""A host's own clock discipline slews by up to 500 ppm, and crystals differ by up to 100."""
+"""Largest skew of a crystal's clock: a host's own clock discipline slews by up to 500 ppm, and crystals differ by up
+to 100."""
 
 SKEW_WANDER = 0.5e-6
-"""Unseen change of a crystal's rate for every 10 s since the fit, by temperature."""
+"""Change of a crystal's rate due to temperature that the fit does not show, for every 10 s since the fit."""
 
 
 class ClockLine(msgspec.Struct, frozen=True, gc=False):
-    """``host_from_autopilot`` near :attr:`ref_host_ns`."""
+    """Line of ``host_from_autopilot`` over host time near :attr:`ref_host_ns`."""
 
     ref_host_ns: HostNs
     offset_ns: int

@@ -1,4 +1,4 @@
-"""What people should know of a clock that is followed: a slip, or its rate; each once."""
+"""Reports about a followed clock, a slip or its rate, each once."""
 
 from __future__ import annotations
 
@@ -10,21 +10,23 @@ from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.telemetry.clock.followed import FollowedClock
 
 DECIDED_AFTER_NS = 5 * NS_PER_S
-"""After a first contradiction: a slip and a new rate look alike until the rate has been measured for this time."""
+"""Time after a first contradiction before a report: a slip and a new rate look alike until the rate has been measured
+for this time."""
 LEAST_REPORTED_SLIP_S = 5e-3
 QUIET_NS = 2 * NS_PER_S
-"""Slips nearer to one another than this are reported as one: an exchange may fall into the middle of a pause."""
+"""Time between slips below which they are reported as one: an exchange may fall into the middle of a pause."""
 LEAST_REPORTED_RATE, RATE_SIGMAS = 2e-3, 4.0
-"""A rate is reported if it differs from 1 by more than both: three times what crystals do, and chance."""
+"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to be reported: three times the range
+of crystals, and chance."""
 RATE_CHANGED = 0.02
-"""A rate that was reported is reported again after a change by this."""
+"""Change of a reported rate after which it is reported again."""
 
 
 class ClockSlipped(msgspec.Struct, frozen=True):
     """The autopilot's clock slipped once against the host's and runs on at its rate."""
 
     by_s: float
-    """Seconds by which it fell behind; negative: it went ahead."""
+    """Time by which the clock fell behind, seconds; negative: it went ahead."""
 
 
 class ClockRate(msgspec.Struct, frozen=True):
@@ -38,7 +40,7 @@ ClockNews: TypeAlias = ClockSlipped | ClockRate
 
 
 class ClockReports:
-    """Decides what is reported of a followed clock, and when."""
+    """Decides which events of a followed clock are reported, and when."""
 
     __slots__ = ("_left_ns", "_moved_ns", "_rate", "_reported_s", "_slips_s")
 
@@ -49,12 +51,12 @@ class ClockReports:
         self._reported_s = 0.0
 
     def on_left(self, followed: FollowedClock) -> None:
-        """The clock left a crystal's range."""
+        """Note that the clock left a crystal's range."""
         self._left_ns, self._reported_s = followed.newest.host_ns, 0.0
         self._slips_s, self._moved_ns = 0.0, followed.newest.host_ns
 
     def on_followed(self, followed: FollowedClock) -> ClockNews | None:
-        """What is news after an exchange of a followed clock."""
+        """Report after an exchange of a followed clock; None without news."""
         now_ns = followed.newest.host_ns
         if followed.slips_s != self._slips_s:
             self._slips_s, self._moved_ns = followed.slips_s, now_ns
@@ -70,7 +72,7 @@ class ClockReports:
         return ClockSlipped(by_s) if self._rate is None and abs(by_s) > LEAST_REPORTED_SLIP_S else None
 
     def on_calm(self) -> ClockNews | None:
-        """The clock is a crystal's again: a rate that was reported is over."""
+        """Note that the clock is a crystal's again; returns that rate where another one was reported."""
         self._left_ns = None
         if self._rate is None:
             return None

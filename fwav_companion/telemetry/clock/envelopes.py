@@ -1,10 +1,10 @@
-"""Clock estimate between two envelopes: an answer is stamped after its request left and before it arrived.
+"""Clock estimate between two envelopes: an answer is stamped after its request left and before the answer arrived.
 
-Where each delay is a least one plus an exponential tail, the same both ways, the likelihood of a line of offsets grows
-with the room it leaves to both envelopes, and with nothing else: it is ``exp(2 n room / tail)`` in the least delay
-``room``. Its mean is several times nearer to the truth than any weighted fit of the exchanges, since it uses the few
-fastest messages of each direction alone (convex hull: Zhang, Liu & Xia 2002). Where delays are not like that it is
-overconfident: :mod:`exchanges` therefore compares the likelihoods of both descriptions.
+Assume that each delay is a least delay plus an exponential tail, the same both ways. Then the likelihood of a line of
+offsets depends only on the room that it leaves to both envelopes: it is ``exp(2 n room / tail)`` in the least delay
+``room``. The mean of this likelihood is several times nearer to the truth than any weighted fit of the exchanges,
+because it uses only the few fastest messages of each direction (convex hull: Zhang, Liu & Xia 2002). Where delays have
+another distribution it is overconfident. Therefore :mod:`exchanges` compares the likelihoods of both descriptions.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from math import exp, inf, log
 import msgspec
 
 LEAST_TAIL_S = 2e-6
-"""Clocks are read in whole microseconds."""
+"""Least tail of the delays, s: clocks are read in whole microseconds."""
 SLOPES = 41
 REACH = 12.0
-"""The slopes that are tried reach to where the likelihood has fallen by exp(-12)."""
+"""Fall of the log-likelihood from its maximum up to which slopes are tried: by a factor exp(-12)."""
 TO_THE_TOP, DOWN = 20, 12
-"""Halvings of the two searches: from 1200 ppm to a thousandth of a ppm, and to a thousandth of the way."""
+"""Numbers of halvings of the two searches: from 1200 ppm to a thousandth of a ppm, and to a thousandth of the way."""
 
 Point = tuple[float, float]
 
@@ -69,14 +69,14 @@ class Hull:
         return y - slope * t
 
     def touched_at(self, slope: float) -> float:
-        """Time at which that line touches the points."""
+        """Time at which the highest line of this slope below all points touches them."""
         return self._points[bisect(self._slopes, slope)][0]
 
 
 def fit_between(
     times: Sequence[float], offsets: Sequence[float], trips: Sequence[float], most_skew: float
 ) -> EnvelopeFit:
-    """Fit to offsets (middle of each exchange) at times, with their round trips; seconds, in any order of time."""
+    """Fit to offsets (middle of each exchange) at times, from their round trips; seconds, in any order of time."""
     entries = sorted(zip(times, offsets, trips, strict=True))
     above = Hull([(t, y + 0.5 * r) for t, y, r in entries])
     below = Hull([(t, 0.5 * r - y) for t, y, r in entries])
@@ -145,7 +145,7 @@ def _highest(rises: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _falls_to(concave: Callable[[float], float], top: float, end: float, value: float) -> float:
-    """Where a concave function falls to ``value`` between its top and ``end``, by bisection; else ``end``."""
+    """Argument at which a concave function falls to ``value`` between ``top`` and ``end``, by bisection, or ``end``."""
     if concave(end) >= value:
         return end
     for _ in range(DOWN):

@@ -2,9 +2,10 @@
 
 An exchange places the autopilot's instant between sending and receiving: the offset is the middle, wrong by half the
 difference of the two delays. Where delays are a constant plus a long tail, that error shrinks with the round trip's
-excess over the least one; where they scatter evenly it does not depend on it. The residuals show which of the two holds
-(:mod:`round_trip_weights`). That is the gate: a slow exchange weighs little, and no exchange is discarded for a fixed
-number of milliseconds. Where the fastest messages alone are more precise (:mod:`envelopes`), those are used.
+excess over the least one. Where they scatter evenly, the error does not depend on the excess. The residuals show which
+of the two holds (:mod:`round_trip_weights`). The weights act as the gate: a slow exchange has a small weight, and no
+exchange is discarded for a fixed number of milliseconds. Where the fastest messages alone are more precise
+(:mod:`envelopes`), those are used.
 """
 
 from __future__ import annotations
@@ -19,44 +20,45 @@ from fwav_companion.telemetry.clock.round_trip_weights import Fit, RoundTripWeig
 
 WINDOW_NS = 120 * NS_PER_S
 MOST_KEPT = 400
-"""Ten a second for the first half minute, then one a second through the window."""
+"""Most exchanges in the window: ten a second for the first half minute, then one a second through the window."""
 EXCHANGES_TO_WEIGH = 12
-"""From this count on the residuals show how errors depend on the round trip; before, an error is uniform in its
-bound."""
+"""Number of exchanges from which the residuals show how errors depend on the round trip; before, an error is uniform in
+its bound."""
 EXCHANGES_TO_WEIGH_AGAIN = 12
-"""The same count after a change of the skew."""
+"""Number of further exchanges for the same after a change of the skew."""
 FITTED_EACH = 20
 FIT_EVERY_NS = 900_000_000
-"""A line is good for far longer; fitting it more often would be wasted work."""
+"""Time between two fits of the line: a line is good for far longer, so fitting it more often would be wasted work."""
 LIKELIER_BY, LIKELIER_BY_EACH = 5.0, 0.05
-"""Log likelihood, in total and for every exchange, by which the more precise of two descriptions must win. An
-exponential tail gains 0.18 an exchange; a rounder one (the sum of two such) loses 0.08."""
+"""Log-likelihood, in total and for every exchange, by which the fit between the envelopes must exceed the weighted
+one. An exponential tail gains 0.18 an exchange; a rounder one (the sum of two such) loses 0.08."""
 WILD_NS = NS_PER_S
 """Distance of a single contradiction beyond which it may be another node's answer, as for a clock that is followed."""
 CONTRADICTIONS_FOR_A_STEP = 3
-"""Contradictions in a row: one may be another node's answer; three are a clock that slips or has another rate."""
+"""Number of contradictions in a row that show a clock that slips or has another rate. One may be another node's
+answer."""
 LONGEST_TAIL = 64
 ASTRAY_SIGMAS = 4.5
-"""Sigmas of the mean of the newest exchanges. Tried for every tail length at every exchange, but these hardly
-differ."""
+"""Mean residual of the newest exchanges, in its sigmas, beyond which the skew has changed. It is tested for every tail
+length at every exchange, but these tests hardly differ."""
 
 TAILS = (12, 24, 48, 96)
-"""Counts of newest exchanges that are compared with all exchanges."""
+"""Numbers of newest exchanges that are compared with all exchanges."""
 SURE_TAIL, SURE_SIGMAS = 24, 8.0
-"""From this count on, disagreement beyond these sigmas is a change of the skew. Lines between envelopes err like a
-Laplacian: eight of its sigmas are as rare as four and a half of a Gaussian."""
+"""Number of newest exchanges from which a disagreement beyond these sigmas is a change of the skew. Lines between
+envelopes err like a Laplacian: eight of its sigmas are as rare as four and a half of a Gaussian."""
 DOUBT_AFTER_NS = 5 * NS_PER_S
-"""After a change of the skew: a clock discipline that began to slew may change again."""
+"""Time of doubt after a change of the skew: a clock discipline that began to slew may change again."""
 BY_CHANCE_SIGMAS = 4.0
-"""Disagreement beyond this is added to the uncertainty, until it is significant or gone."""
+"""Disagreement, in sigmas, beyond which the excess is added to the variance, until it is significant or gone."""
 
 FEW, FEW_ASTRAY_SIGMAS = 4, 6.0
-"""This many must lie off by more than delays can explain: an exchange errs by at most half its round trip, which is two
-of its own sigmas."""
+"""Least number of exchanges for a change of the skew, and their sigmas while there are few: they must lie off by more
+than delays can explain. An exchange errs by at most half its round trip, which is two of its own sigmas."""
 
 
 class Description(NamedTuple):
-    """Fit to some exchanges: seconds, times and offsets counted from the newest."""
+    """Fits to some exchanges, in seconds; times and offsets are relative to the newest exchange."""
 
     times: list[float]
     offsets: list[float]
@@ -64,9 +66,9 @@ class Description(NamedTuple):
     """Excesses of the round trips over the least."""
     weighted: Fit
     fit: Fit
-    """Likelier of the two fits."""
+    """The likelier of the weighted fit and the fit between the envelopes."""
     between: bool
-    """Whether that is the fit between the envelopes."""
+    """Whether ``fit`` is the fit between the envelopes."""
     room_s: float
     """Room between the envelopes, seconds."""
 
@@ -93,7 +95,7 @@ class ExchangeFit:
         self._changed_ns: HostNs | None = None
         self._weigh_from = EXCHANGES_TO_WEIGH
         self._by_envelopes = False
-        """Whether the envelopes have proved better than weights on this link; links do not change in that."""
+        """Whether the envelopes have proved better than weights on this link. This property of a link is constant."""
         self.in_doubt = False
         """Whether the skew has just changed, or the newest exchanges disagree with those before by more than chance."""
         self._window: list[Exchange] = []
@@ -106,7 +108,7 @@ class ExchangeFit:
 
     @property
     def count(self) -> int:
-        """Exchanges in the window."""
+        """Number of exchanges in the window."""
         return len(self._window)
 
     @property
@@ -163,7 +165,7 @@ class ExchangeFit:
             self.line = self._fit()
 
     def _fit(self) -> ClockLine:
-        """Line over the whole window, as far back as the newest exchanges agree with it."""
+        """Line over the window, as far back as the newest exchanges agree with it."""
         self._fitted_ns = self._window[-1].host_ns
         whole = self._described(self._window, weigh=len(self._window) >= self._weigh_from)
         times, offsets, excesses = whole.times, whole.offsets, whole.excesses
@@ -198,10 +200,10 @@ class ExchangeFit:
         )
 
     def _fit_newest(self, length: int) -> ClockLine:
-        """Forget what lies before a change of the skew.
+        """Line through the newest exchanges, after a change of the skew; earlier exchanges are deleted.
 
-        The model of delays stays: residuals that hold the rest of a bend would suggest that errors do not depend on the
-        round trip, and so hide the bend.
+        The model of delays stays: residuals that contain the rest of a bend would suggest that errors do not depend on
+        the round trip, and so hide the bend.
         """
         self._changed_ns = self._fitted_ns
         if len(self._window) >= EXCHANGES_TO_WEIGH:
@@ -213,8 +215,8 @@ class ExchangeFit:
     def _described(self, window: list[Exchange], *, weigh: bool = False, between: bool | None = None) -> Description:
         """Line through these exchanges, between the envelopes or by weights, whichever is likelier.
 
-        ``weigh``: learn from them how errors depend on the round trip. ``between``: which of the two, where it is
-        decided.
+        ``weigh``: learn from these exchanges how errors depend on the round trip. ``between``: which of the two fits,
+        where that is already decided.
         """
         ref = self._window[-1]
         times = [(e.host_ns - ref.host_ns) * 1e-9 for e in window]
@@ -252,9 +254,9 @@ class ExchangeFit:
     def _astray(
         self, times: list[float], offsets: list[float], excesses: list[float], level: float, skew: float
     ) -> int:
-        """Count of the newest exchanges that lie, together, off the line by more than chance; 0 where none do.
+        """Number of newest exchanges whose mean lies off the line by more than chance; 0 where there are none.
 
-        The skew has then changed: a host's clock discipline slews by hundreds of ppm from one second to the next.
+        If not 0, the skew has changed: a host's clock discipline slews by hundreds of ppm from one second to the next.
         """
         weight = moment = 0.0
         for back in range(1, min(LONGEST_TAIL, len(times) // 2) + 1):

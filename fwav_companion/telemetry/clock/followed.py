@@ -1,9 +1,9 @@
 """Follows a clock that slips, or runs at another rate than a crystal can: a Kalman filter of offset and rate.
 
-The offset wanders as a random walk whose intensity the innovations choose (innovation-based adaptive estimation, Mehra
-1970), and the rate as another of fixed intensity. An innovation that the walk does not explain is a slip: the offset
-then begins again at the exchange, and the rate is kept. Past instants are smoothed (Rauch, Tung & Striebel 1965), so a
-picture before a slip keeps the offset that held before it.
+The offset is a random walk whose intensity is estimated from the innovations (innovation-based adaptive estimation,
+Mehra 1970). The rate is a random walk of fixed intensity. An innovation that the walk does not explain is a slip: the
+offset then starts again at the exchange, and the rate is kept. Past instants are smoothed (Rauch, Tung & Striebel
+1965), so that a picture from before a slip keeps the offset from before the slip.
 """
 
 from __future__ import annotations
@@ -19,28 +19,29 @@ from fwav_companion.telemetry.clock.offset_smoother import Knot, predicted, smoo
 from fwav_companion.telemetry.clock.round_trip_weights import RESOLUTION_S
 
 MOST_KNOTS = 300
-"""Half a minute at ten exchanges a second."""
+"""Most stored knots: half a minute at ten exchanges a second."""
 SLOWEST, FASTEST = 0.1, 10.0
-"""Rates of the autopilot's clock that are followed, autopilot seconds per host second: a simulator runs at a tenth of
-real time on a slow computer, and at ten times where it is asked to."""
+"""Range of the rates that are followed, autopilot seconds per host second: a simulator runs at a tenth of real time on
+a slow computer, and at ten times real time where it is configured so."""
 RATE_PRIOR = 3.0
 """One sigma of the rate before it was measured: a third of the widest range. With 0.3 the clock of a simulator at five
 times real time is a second off for twenty seconds."""
 UNKNOWN_RATE = 0.02
 """One sigma of a change of the rate when the clock is first seen to leave a crystal's range."""
 WALK_MEMORY = 20
-"""Exchanges over which the intensity of the walk is estimated: two seconds at ten a second."""
+"""Number of exchanges over which the intensity of the walk is estimated: two seconds at ten a second."""
 SLIP_SIGMAS, LEAST_SLIP_S = 5.0, 5e-3
-"""An innovation beyond both is a slip."""
+"""Innovation, in sigmas and in seconds, that is a slip where it exceeds both."""
 WILD_S, WILD_IN_AGREEMENT = 1.0, 3
-"""An innovation beyond this needs as many exchanges that agree: it may be the answer of another clock."""
+"""Innovation beyond which this number of agreeing exchanges is required, s: it may be the answer of another clock."""
 LEAST_APART_NS = 80_000_000
-"""Exchanges nearer to one another say nothing of the rate: half a round trip over the time between is large."""
+"""Least time between two exchanges that show the rate: for nearer ones, half a round trip over the time between is
+large."""
 CALM_NS, CALM_EXCHANGES = 20 * NS_PER_S, 20
-"""Without a contradiction to 600 ppm for this time, the clock is a crystal again."""
+"""Time and number of exchanges without a contradiction to 600 ppm after which the clock is a crystal's again."""
 EXCHANGES_TO_WEIGH, LEAST_EXCESS = 12, 0.25
-"""Exchanges that show the least round trip; and the least excess that counts, in median excesses: delays that scatter
-evenly err as much at the shortest round trip."""
+"""Number of exchanges that show the least round trip, and least excess that is used, in median excesses: delays that
+scatter evenly err as much at the shortest round trip."""
 HALF_US_NS, MOST_STEPS = 500, 12
 
 
@@ -61,7 +62,7 @@ class FollowedClock:
     )
 
     def __init__(self, before: Iterable[Exchange], contradicting: Iterable[Exchange]) -> None:
-        """``before``: exchanges that 600 ppm explain; ``contradicting``: those that they do not."""
+        """``before``: exchanges within 600 ppm of one another; ``contradicting``: the later ones that are not."""
         self._knots: list[Knot] = []
         self._recent: list[Exchange] = []
         self._wild: list[Exchange] = []
@@ -110,7 +111,7 @@ class FollowedClock:
         return self._recent[-1]
 
     def calm(self) -> list[Exchange] | None:
-        """Exchanges since the last contradiction to 600 ppm, once they show a crystal again; else None."""
+        """Exchanges since the last contradiction to 600 ppm, once they show a crystal's clock again; else None."""
         if self.newest.host_ns - self._calm_from_ns < CALM_NS:
             return None
         calm = [entry for entry in self._recent if entry.host_ns > self._calm_from_ns]
@@ -118,12 +119,12 @@ class FollowedClock:
 
     @property
     def best_round_trip_s(self) -> float:
-        """Least round trip of those kept, seconds."""
+        """Least round trip of the stored exchanges, seconds."""
         return min(knot.trip_s for knot in self._knots)
 
     @property
     def rate(self) -> tuple[float, float, float]:
-        """Mean rate since the clock left a crystal's range, its one sigma, and the time it is measured over in seconds.
+        """Mean rate since the clock left a crystal's range, its one sigma, and the duration of its measurement, s.
 
         Autopilot seconds per host second, without slips.
         """
@@ -138,7 +139,7 @@ class FollowedClock:
 
     @property
     def slips_s(self) -> float:
-        """Sum of the slips that are kept, seconds; positive: the autopilot's clock fell behind."""
+        """Sum of the slips within the stored knots, seconds; positive: the autopilot's clock fell behind."""
         return self._knots[-1].slipped_s - self._knots[0].slipped_s
 
     def offset_at(self, host_ns: HostNs) -> tuple[int, float, float]:
@@ -159,9 +160,9 @@ class FollowedClock:
         return HostNs(host_ns)
 
     def bound_s(self, host_ns: HostNs, offset_ns: int) -> float:
-        """Hard bound of the error of ``offset_ns``, seconds: from the exchange before or after, whichever binds more.
+        """Hard bound of the error of ``offset_ns``, seconds: the tighter one of the exchanges before and after.
 
-        It widens by the largest rate error that the round trips kept allow.
+        With the time from the exchange it widens by the largest rate error that the stored round trips allow.
         """
         pace, slope = self._largest_rate_error(), self._knots[-1].slope
         index = bisect_right(self._recent, host_ns, key=lambda entry: entry.host_ns)
@@ -196,8 +197,8 @@ class FollowedClock:
     def _noise(self, entry: Exchange) -> float:
         """Variance of the offset of an exchange: its error is uniform in half the excess of its round trip either way.
 
-        That is exact where each delay is a least one plus an exponential tail. The least round trip is known after a
-        few; before, the whole round trip counts.
+        That is exact where each delay is a least delay plus an exponential tail. The least round trip is known after a
+        few exchanges; before, the whole round trip is the excess.
         """
         excess_s = entry.round_trip_ns * 1e-9
         if len(self._knots) >= EXCHANGES_TO_WEIGH:
@@ -241,7 +242,7 @@ class FollowedClock:
             del self._knots[0], self._recent[0]
 
     def _largest_rate_error(self) -> float:
-        """Largest difference from the present slope that two exchanges in a row allow."""
+        """Largest difference from the present slope that two consecutive exchanges allow, s/s."""
         if self._pace is not None:
             return self._pace
         slope, largest, earlier = self._knots[-1].slope, MOST_SKEW, self._recent[0]
@@ -257,7 +258,7 @@ class FollowedClock:
         return largest
 
     def _agree(self, entry: Exchange) -> bool:
-        """Whether as many wild exchanges in a row as are needed agree with one another."""
+        """Whether WILD_IN_AGREEMENT wild exchanges in a row agree with one another."""
         if self._wild and abs(entry.offset_ns - self._wild[-1].offset_ns) > WILD_S * 1e9:
             self._wild.clear()
         self._wild.append(entry)

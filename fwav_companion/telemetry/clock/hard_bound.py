@@ -1,4 +1,4 @@
-"""One TIMESYNC exchange, and the interval that holds the offset whatever the delays were."""
+"""One TIMESYNC exchange, and the interval that contains the offset for any delays."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ ROUNDING_NS = 2_000
 
 
 class Exchange(msgspec.Struct, frozen=True, gc=False):
-    """One exchange in the form that the fit uses."""
+    """One TIMESYNC exchange as offset and round trip, the form that the fits use."""
 
     host_ns: HostNs
     """Middle between sending and receiving."""
     offset_ns: int
-    """host_from_autopilot at that instant."""
+    """host_from_autopilot at that instant, nanoseconds."""
     round_trip_ns: int
 
 
 def exchange_from(answered: ClockExchange) -> Exchange | None:
-    """The exchange in the form that the fit uses; None if it was received before it was sent."""
+    """The exchange as offset and round trip; None if it was received before it was sent."""
     if answered.received_ns < answered.sent_ns:
         return None
     middle_ns = HostNs((answered.sent_ns + answered.received_ns) // 2)
@@ -30,9 +30,11 @@ def exchange_from(answered: ClockExchange) -> Exchange | None:
 
 
 class HardBound:
-    """Interval that holds the offset whatever the delays were: each exchange's own, widened by 600 ppm of its age.
+    """Interval that contains the offset for any delays: the intersection of the exchanges' intervals, each widened by
+    600 ppm of its age.
 
-    All widen at one pace, so the tightest low end is a running maximum, the tightest high end a running minimum.
+    All intervals widen at one rate, so the tightest low end is a running maximum, the tightest high end a running
+    minimum.
     """
 
     __slots__ = ("_first_ns", "_high_ns", "_low_ns")

@@ -1,6 +1,6 @@
-"""The offset of a clock as a random walk whose rate is another: predicted forward, smoothed backward.
+"""Prediction and smoothing of a clock's offset. The offset integrates its rate plus a random walk; the rate is another.
 
-One knot an exchange; the smoother is that of Rauch, Tung and Striebel (1965).
+Each exchange has one knot; the smoother is that of Rauch, Tung and Striebel (1965).
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import TypeAlias
 import msgspec
 
 RATE_WANDER = 2e-3
-"""One sigma by which the rate changes in a second: a simulator under a varying load."""
+"""One sigma of the rate's change in a second: a simulator under a varying load."""
 MOST_SMOOTHED = 40
-"""Exchanges after an instant that are used for it: four seconds at ten a second, longer than any frame waits."""
+"""Most exchanges after an instant that smooth it: four seconds at ten a second, longer than any frame waits."""
 
 OffsetState: TypeAlias = tuple[float, float, float, float, float]
-"""Offset, seconds; its slope; their covariance: p00, p01, p11."""
+"""Offset, seconds; its slope, s/s; their covariance: p00, p01, p11."""
 
 
 class Knot(msgspec.Struct, gc=False):
@@ -31,7 +31,7 @@ class Knot(msgspec.Struct, gc=False):
     p01: float
     p11: float
     walk: float
-    """Variance of the offset's walk, and of a slip, since the knot before, s^2."""
+    """Variance of the offset's walk and of a slip since the previous knot, s^2."""
     slipped_s: float
     """Sum of all slips until this knot, seconds."""
 
@@ -55,7 +55,7 @@ def smoothed(knots: Sequence[Knot], t: float, intensity: float) -> tuple[float, 
     if index == len(knots):
         level, slope, p00, _, _ = predicted(knots[-1], t, intensity * (t - knots[-1].t))
         return level, slope, p00
-    if index == 0:  # earlier than what is kept: along the first slope
+    if index == 0:  # before the first stored knot: along the first slope
         level, slope, p00, _, p11 = _smoothed_knot(knots, 0)
         dt = t - knots[0].t
         return level + slope * dt, slope, p00 + p11 * dt * dt + intensity * abs(dt)

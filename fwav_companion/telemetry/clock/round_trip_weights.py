@@ -1,7 +1,7 @@
-"""Weights of exchanges by their round trips, with a variance model that the exchanges themselves choose.
+"""Weights of exchanges by their round trips, with a variance model that is fitted to the exchanges themselves.
 
-The variance is modelled as ``scale * (floor^2 + excess^2)``, where the excess is that of the round trip over the least
-one, and the likeliest floor is taken: small where delays have long tails, large where they scatter evenly.
+The variance is modelled as ``scale * (floor^2 + excess^2)``. The excess is the round trip minus the least one. The
+likeliest floor is chosen: small where delays have long tails, large where they scatter evenly.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from operator import truediv
 from typing import TypeAlias
 
 SKEW_PRIOR = 300e-6
-"""One sigma of the skew: half of the largest."""
+"""One sigma of the skew before the fit: half of the largest skew."""
 RESOLUTION_S = 5e-6
-"""Whole microseconds on both sides, and the time that reading the two clocks takes."""
+"""Resolution of an offset, s: whole microseconds on both sides, and the time that reading the two clocks takes."""
 _FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
 """Floors of the variance model, in median excesses; the last means that errors do not depend on the round trip."""
 
@@ -22,7 +22,7 @@ Fit: TypeAlias = tuple[float, float, float, float, float]
 
 
 class RoundTripWeights:
-    """Variance model of exchanges. Before it is learned, an error is uniform in its bound: half the round trip either
+    """Variance model of exchanges. Before it is learned, an error is uniform in its bound, half the round trip either
     way.
     """
 
@@ -39,7 +39,7 @@ class RoundTripWeights:
         self._least_s = max(0.0, 2.0 * least[0] - least[3])
 
     def excesses(self, trips: list[float]) -> list[float]:
-        """Excesses of round trips over the least."""
+        """Excesses of round trips over the least one, seconds."""
         return [max(0.0, trip - self._least_s) for trip in trips]
 
     def learn(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
@@ -66,7 +66,7 @@ class RoundTripWeights:
         floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
         s0 = s1 = s2 = b0 = b1 = 0.0
         for t, y, x in zip(times, offsets, excesses, strict=True):
-            w = 1.0 / (scale * (floor2 + x * x) + resolution2)  # as `of`, unrolled: four hundred a fit
+            w = 1.0 / (scale * (floor2 + x * x) + resolution2)  # as `of`, inlined: four hundred of them in a fit
             wt = w * t
             s0 += w
             s1 += wt
