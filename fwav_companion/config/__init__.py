@@ -1,8 +1,8 @@
 """The configuration file: one frozen value, each key with its default, unit and meaning next to it.
 
-:func:`parse` is pure, :func:`load` opens the file. The file has the user's units (degrees); a property gives what rooms
-need in radians. A table of one room is that room's options struct: [publish], [tracking] and [vision] are declared in
-their rooms. :mod:`fwav_companion.config.room_options` makes the options that several tables give.
+:func:`parse` is pure, :func:`load` opens the file. The file has the user's units (degrees); properties give the values
+that rooms need in radians. A table of one room is that room's options struct: [publish], [tracking] and [vision] are
+declared in their rooms. :mod:`fwav_companion.config.room_options` makes the options that depend on several tables.
 """
 
 from fwav_companion.config.document import Config, RecordConfig, StateConfig, StatusConfig

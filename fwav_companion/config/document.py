@@ -49,7 +49,7 @@ class RecordConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StateConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """[state]: what is kept between flights."""
+    """[state]: the results that are kept between flights."""
 
     directory: str = ""
     """Path; "": $STATE_DIRECTORY, and where that is unset nothing is kept."""
@@ -63,7 +63,7 @@ class StatusConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):
-    """The tables of the file, by their names. A table of one room is that room's options."""
+    """The tables of the file, each under its name. A table of one room is that room's options struct."""
 
     vehicle: VehicleConfig = VehicleConfig()
     """Identity in the MAVLink network."""
@@ -108,7 +108,7 @@ class Config(Document, frozen=True, kw_only=True):
     """Path of the file, as the user named it. Errors begin with it, and relative paths count from its folder."""
 
     def resolve(self, path: str) -> Path:
-        """A path of the file, relative to the file."""
+        """Full path for a path in the file, which is relative to the file's folder."""
         return Path(self.file).parent / path
 
     @property
@@ -118,7 +118,7 @@ class Config(Document, frozen=True, kw_only=True):
 
     @property
     def calibration_path(self) -> Path:
-        """The path of the camera file. ConfigError where the file names none: pixels cannot be localized."""
+        """The path of the camera's calibration file. ConfigError without one, because pixels cannot be localized."""
         if not self.camera.calibration:
             raise ConfigError(f"{self.file}: [camera] calibration: missing; accepted: the path of a camera file")
         return self.resolve(self.camera.calibration)
@@ -140,13 +140,13 @@ class Config(Document, frozen=True, kw_only=True):
 
     @property
     def _has_mapped_stream(self) -> bool:
-        """Whether pictures come as a stream whose stamps hold an unknown latency."""
+        """Whether pictures come as a stream whose stamps contain an unknown latency."""
         vision = self.vision
         return vision is not None and vision.stream_clock != "utc" and source_kind(vision.source) is SourceKind.STREAM
 
     @property
     def localizes(self) -> bool:
-        """Whether pixels arrive in ``run`` at all; without them the service is a relay."""
+        """Whether ``run`` has a source of detections; without one the service is a relay."""
         return bool(self.detections.url) or self.vision is not None
 
     def require_links(self) -> None:

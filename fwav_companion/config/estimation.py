@@ -15,7 +15,8 @@ from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, Landmark
 SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
 SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
 SigmaPx: TypeAlias = Annotated[float, Meta(gt=0, le=10_000)]
-"""Sigmas up to those of complete ignorance. With 1e9 and centimetres together, 64-bit floats hold no covariance."""
+"""Sigma of a pixel; the largest means complete ignorance. With 1e9 and centimetres together, 64-bit floats cannot
+represent the covariance."""
 
 READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 """One sigma of an unknown readout before the frame interval is known: uniform over [0, interval] at 30 frames/s, the
@@ -23,10 +24,10 @@ most common rate. The pairer replaces it by the median interval of the frames.""
 
 
 STREAM_LATENCY_SIGMA_S = 0.1
-"""One sigma of a stream's constant latency, which its stamps cannot show: encoders and cameras hold back 0 to 0.3 s."""
+"""One sigma of a stream's constant latency, seconds. Stamps cannot show it: encoders and cameras add 0 to 0.3 s."""
 MODEL_SIGMA_M, LEAST_MODEL_SIGMA_M = 4.0, 0.01
-"""One sigma of an elevation model, metres: global ones differ from one another by 2.4 to 4.5 +- 3 to 4 m on three pairs
-of tiles; and the least that is used."""
+"""One sigma of an elevation model, and the least that is used, metres. Global models differ from one another by 2.4 to
+4.5 +- 3 to 4 m on three pairs of tiles."""
 
 
 USUAL_POSITION_SIGMA_M = 1.0
@@ -34,10 +35,11 @@ USUAL_POSITION_SIGMA_M = 1.0
 
 
 UNKNOWN_TIMES_S = (60.0, 1800.0)
-"""Time constants of the two processes of equal variance that stand for an unknown one.
+"""Time constants, seconds, of the two processes of equal variance that replace one of unknown time constant.
 
-Over 300 flights with constants drawn log-uniformly from 30 s to 30 min the claimed 90 % ellipses contained 88 % (11
-fixes of 1 m over 5 min) and 93 % (3 passes of 20 s in 8 min); one process of 60 s contained 64 % and 73 %."""
+Over 300 flights with time constants drawn log-uniformly from 30 s to 30 min, the reported 90 % ellipses contained the
+target in 88 % (11 fixes of 1 m over 5 min) and 93 % (3 passes of 20 s in 8 min); with one process of 60 s, in 64 % and
+73 %."""
 
 
 class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,7 +73,7 @@ class LandmarkConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def known(self) -> Landmark:
-        """The landmark as the rooms take it."""
+        """The landmark in the form that the rooms use."""
         return Landmark(self.label, Geodetic.from_degrees(self.lat, self.lon, self.alt_amsl), self.sigma_m)
 
 
@@ -135,7 +137,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.LEVER_X: self.lever_arm_sigma_m,
             Bias.LEVER_Y: self.lever_arm_sigma_m,
             Bias.LEVER_Z: self.lever_arm_sigma_m,
-            Bias.TARGET_HEIGHT: 1.0 if standing else 0.0,  # in sigmas of the label's own height
+            Bias.TARGET_HEIGHT: 1.0 if standing else 0.0,  # in units of the sigma of the label's height
         }
         return ErrorPriors(
             pixel_noise_px=self.pixel_noise_px,
@@ -151,14 +153,15 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def position_sigma_m(self) -> float:
-        """One sigma of the horizontal position's bias where the receiver has not spoken, metres an axis."""
+        """One sigma of the horizontal position's bias where the receiver reports none, metres an axis."""
         return USUAL_POSITION_SIGMA_M if self.position_bias_m == "auto" else self.position_bias_m
 
     def _terrain_m(self, *, surveyed: bool) -> float:
-        """One sigma of the ground's own height, metres; of a model never 0: a doubt of its shift needs a scale.
+        """One sigma of the ground's own height, metres. For an elevation model it is never 0, because the uncertainty
+        of the model's shift is expressed in units of it.
 
-        On level ground the model's 4.0 is not a choice: files that `init` wrote before ``auto`` have it for every
-        ground, where it had no effect.
+        On level ground, a configured 4.0 (the model's default) is ignored: files that `init` wrote before ``auto`` have
+        it for every ground, where it had no effect.
         """
         if not surveyed:
             return 0.0 if self.terrain_m in ("auto", MODEL_SIGMA_M) else float(self.terrain_m)

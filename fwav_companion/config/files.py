@@ -13,17 +13,17 @@ from fwav_companion.on_disk import opened
 
 KEY_BYTES = 32
 LARGEST_FILE_BYTES = 1 << 20
-"""A configuration has a few kilobytes; a file of a megabyte is another file."""
+"""Largest size of a configuration file. A configuration has a few kilobytes; a megabyte is a file of another kind."""
 
 
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
-    """The configuration in a file, with ``KEY=VALUE`` settings laid over it. ConfigError, also where it is missing."""
+    """The configuration in a file, overridden by ``KEY=VALUE`` settings. ConfigError, also for a missing file."""
     try:
         with opened(Path(path)) as file:
             data = file.read(LARGEST_FILE_BYTES + 1)
         if len(data) > LARGEST_FILE_BYTES:
             raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
-        text = data.decode().removeprefix("\ufeff")  # an editor's mark; it would be part of the first line
+        text = data.decode().removeprefix("\ufeff")  # a byte-order mark would be part of the first line
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; accepted: a configuration, as `init` writes one") from None
     except UnicodeDecodeError as error:

@@ -1,4 +1,4 @@
-"""The tables of what comes in: vehicle, links, signing, camera, detections; in the units of the file."""
+"""The tables of the inputs: vehicle, links, signing, rates, camera, detections; in the units of the file."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ LinkName: TypeAlias = Annotated[str, Meta(min_length=1, max_length=64)]
 StampRule: TypeAlias = Literal["row0_mid", "row0_start", "row0_end"]
 
 SERIAL_SHARE = 0.7
-"""Of a serial line's bytes that may leave by it where the file does not say: the rest is for bursts."""
+"""Default share of a serial line's capacity that outgoing bytes may use; the rest is for bursts."""
 BITS_A_BYTE = 10
-"""On a serial line: a start bit, eight bits, a stop bit."""
+"""Bits for each byte on a serial line: a start bit, eight bits, a stop bit."""
 
 
 class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,17 +71,17 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def parsed_url(self) -> LinkUrl:
-        """The parsed URL; it was checked when the file was read."""
+        """The parsed URL; its form was checked when the file was read."""
         return parse_link_url(self.url)
 
     @property
     def merges_rate_requests(self) -> bool:
-        """Requests for message rates that come by this link are merged with ours."""
+        """Whether requests for message rates from this link are merged with the service's own."""
         return self.forward_rate_requests == "merge" and self.role != "autopilot"
 
     @property
     def byte_budget(self) -> float:
-        """Bytes a second that may leave by this link; 0: no limit."""
+        """Largest number of bytes a second that leave by this link; 0: no limit."""
         url = self.parsed_url
         if self.max_bytes_per_s > 0.0 or not isinstance(url, SerialUrl):
             return self.max_bytes_per_s
@@ -178,5 +178,5 @@ class DetectionsConfig(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def parsed_url(self) -> UdpUrl | UnixUrl | None:
-        """The parsed URL at which they arrive; None without one."""
+        """The parsed URL at which detections arrive; None without one."""
         return parse_detections_url(self.url) if self.url else None

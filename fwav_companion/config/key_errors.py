@@ -1,4 +1,4 @@
-"""The words of a configuration error: the key as the user finds it, its value, what it accepts, the nearest key."""
+"""Text of a configuration error: the key as written in the file, its value, the accepted values, the nearest key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import msgspec
 from msgspec import inspect
 
 LONGEST_VALUE = 80
-"""Characters of a wrong value that are shown, so that the line stays readable."""
+"""Most characters of a wrong value that are shown, so that the line stays readable."""
 
 KeyPath = tuple[str | int, ...]
 """Path from the file's root: names of tables and keys, indices of lists."""
@@ -48,12 +48,14 @@ def printable(text: str) -> str:
 
 
 def accepted_text(hint: Any) -> str:
-    """What a declared type accepts: ``a number from 0 to 1``, ``"auto" | "none"``, ``a list, each element a text``."""
+    """Accepted values of a declared type: ``a number from 0 to 1``, ``"auto" | "none"``, ``a list, each element a
+    text``.
+    """
     return _accepted(inspect.type_info(hint))
 
 
 def spelling_hint(value: object, hint: Any) -> str:
-    """What is wrong with the spelling of a text where the key accepts no text of this kind; "" without a guess."""
+    """Explanation of a misspelt text that the key does not accept, such as a number in quotes; "" without a guess."""
     accepted = accepted_text(hint)
     if not isinstance(value, str) or value == "":
         return ""
@@ -73,7 +75,7 @@ def hints_of(form: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def table_of(hint: Any) -> type[msgspec.Struct] | None:
-    """The table behind ``Table``, ``Table | None`` or ``tuple[Table, ...]``; None for another type."""
+    """The table in the type ``Table``, ``Table | None`` or ``tuple[Table, ...]``; None for another type."""
     if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
         return hint
     if typing.get_origin(hint) in (tuple, types.UnionType):
@@ -82,7 +84,9 @@ def table_of(hint: Any) -> type[msgspec.Struct] | None:
 
 
 def unknown_key(key: str, form: type[msgspec.Struct], document: type[msgspec.Struct]) -> str:
-    """The error of an unknown key: the nearest key here, else the table that has it, else all keys of this table."""
+    """Text of the error of an unknown key. It names the nearest key of this table, else the table that has the key,
+    else all keys of this table.
+    """
     hints = hints_of(form)
     near = get_close_matches(key, hints, n=1)
     if near:

@@ -1,4 +1,4 @@
-"""TOML text to a Config. Every error is one line: file, key or line, its value, what is accepted."""
+"""Reads TOML text into a Config. Every error is one line: file, key or line, its value, the accepted values."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ Tree = dict[str, Any]
 LARGEST_NUMBER = 1e9
 """Largest number in any unit: no quantity of a vehicle is larger, and its fourth power is still finite."""
 OTHER_SPELLINGS: Final[dict[tuple[str, str], Callable[[str], str]]] = {("vision", "aruco_dictionary"): dictionary_key}
-"""Tables and keys that accept several spellings, with the function that gives the first."""
+"""Tables and keys that accept several spellings, with the function that returns the first spelling."""
 ARRAYS: Final = frozenset({"link", "target", "landmark"})
 """Tables of which there may be several."""
 REPEATED: Final = ("Cannot declare", "Cannot overwrite a value")
-"""Beginnings of the parser's messages about what is there twice."""
+"""Prefixes of the parser's messages about a repeated table or key."""
 HEADER: Final = re.compile(r"\s*\[+\s*([\w.]+)\s*\]")
 """A line that begins a table, with its name."""
 ASSIGNMENT: Final = re.compile(r"\s*([\w.\"-]+)\s*=\s*(.*?)\s*(?:#.*)?")
@@ -54,11 +54,11 @@ CORRECTIONS: Final = (
     ),
     (re.compile(r"(?![-+0-9.]+$)([^\s\"'\[\]{}=,][^\"'\[\]{}=,]*)"), r'"\1"', "a text in quotes"),
 )
-"""Values that TOML does not accept, what the user meant, and why."""
+"""Patterns of values that TOML does not accept, with the value that the user meant and the reason."""
 
 
 def parse(text: str, name: str, overrides: Iterable[str] = ()) -> Config:
-    """The configuration in ``text`` of the file ``name``, with ``KEY=VALUE`` settings laid over it. ConfigError."""
+    """The configuration in ``text`` of the file ``name``, overridden by ``KEY=VALUE`` settings. ConfigError."""
     tree = _toml(text, name)
     overridden = [_override(tree, setting) for setting in overrides]
 
@@ -86,7 +86,7 @@ def _toml(text: str, name: str) -> Tree:
 
 
 def _toml_error(text: str, message: str) -> str:
-    """The error with the line itself, which the parser only numbers, and with a correction where one is known."""
+    """The parser's error with the text of the line, which the parser only numbers, and a correction if one is known."""
     lines = text.splitlines()
     numbered = re.search(r"at line (\d+)", message)
     if numbered is None or int(numbered[1]) > len(lines):
@@ -100,7 +100,7 @@ def _toml_error(text: str, message: str) -> str:
 
 
 def _repetition(line: str, before: Sequence[str]) -> str:
-    """What is wrong with a table or a key that is there twice, with the line of the first table."""
+    """Explanation of a repeated table or key, with the line of the first table."""
     header = HEADER.match(line)
     if header is None:
         return "its table has this key already; accepted: each key once in its table"
@@ -124,7 +124,7 @@ def corrected(line: str) -> str:
 
 
 def _respelled(tree: Tree) -> Tree:
-    """The tree with the first spelling of each text. Errors show the user's own, which stays in ``tree``."""
+    """The tree with the first spelling of each text. Errors show the user's spelling, which stays in ``tree``."""
     respelled = dict(tree)
     for (table, key), first in OTHER_SPELLINGS.items():
         keys = respelled.get(table)
@@ -134,7 +134,7 @@ def _respelled(tree: Tree) -> Tree:
 
 
 def _override(tree: Tree, setting: str) -> KeyPath:
-    """The path of the key after laying ``dotted.key=value`` over the tree. A bare word is a text: shells eat quotes."""
+    """Apply ``dotted.key=value`` to the tree; returns the key's path. A bare word is a text: shells remove quotes."""
     key, separator, value = setting.partition("=")
     path = tuple(key.strip().split("."))
     if not separator or not all(re.fullmatch(r"[A-Za-z0-9_-]+", part) for part in path):
@@ -201,7 +201,7 @@ def _leaf_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint]
 
 
 def _refused_by_every_key(value: object) -> str:
-    """Why no key accepts the value, whatever its type; "" where a key may."""
+    """Reason why no key of any type accepts the value; "" where a key may accept it."""
     if isinstance(value, float) and not math.isfinite(value):
         return "not finite"
     if isinstance(value, int | float) and abs(value) > LARGEST_NUMBER:

@@ -1,7 +1,7 @@
 """The options of the rooms from a configuration: the one place that knows both.
 
-[publish], [tracking] and [vision] are declared in their rooms. Here are the options that take several tables, other
-units, or facts that are not in the file. Only a flight imports this module: it loads the rooms.
+[publish], [tracking] and [vision] are declared in their rooms. This module makes the options that need several tables,
+other units, or facts that are not in the file. Only a flight imports this module, because it loads the rooms.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def link_policies(config: Config) -> list[LinkPolicy]:
 
 
 def signing_policy(config: Config, key: bytes | None, timestamp: int) -> SigningPolicy | None:
-    """The policy of message signing, its timestamps from ``timestamp`` on; None without a key."""
+    """The policy of message signing, whose timestamps start at ``timestamp``; None without a key."""
     if key is None or config.signing is None:
         return None
     return SigningPolicy(key=key, timestamp=timestamp, accept_unsigned=frozenset(config.signing.accept_unsigned))
@@ -65,9 +65,9 @@ def telemetry_options(config: Config, attitudes_kept_s: float | None, clock_rate
 
 
 def camera_timing(config: Config, calibration: Calibration) -> CameraTiming:
-    """The timing of the camera. Where the file keeps the default delay, the calibration's counts, if it has one."""
+    """The timing of the camera. The calibration's delay, if it has one, replaces the default of the configuration."""
     camera = config.camera
-    # Our own libcamera source is picamera2's, which exists on a Raspberry Pi alone.
+    # The service's own libcamera source is picamera2's, which exists only on a Raspberry Pi.
     on_libcamera = config.vision is not None and config.vision.source.startswith("libcamera:")
     asked_s = "auto" if config.vision is None else config.vision.exposure_s
     return CameraTiming(
@@ -79,7 +79,7 @@ def camera_timing(config: Config, calibration: Calibration) -> CameraTiming:
 
 
 def tracking_options(config: Config) -> TrackingOptions:
-    """The options of the tracker. ConfigError where its filter is a class of the user's."""
+    """The options of the tracker. ConfigError where the filter is a class of the user."""
     if config.tracking.is_own_filter:
         raise ConfigError(
             f'{config.file}: [tracking] filter = "{config.tracking.filter}": a filter of your own works only in '

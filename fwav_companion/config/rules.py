@@ -1,4 +1,4 @@
-"""The rules between keys, which no single key can check. Each error names the key to change."""
+"""The rules that involve several keys. Each error names the key to change."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ CAMERA_COMPONENT_ID: Final = 100
 """MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
 
 MOST_LANDMARKS: Final = 32
-"""Each adds three states to a filter whose cost grows with their square."""
+"""Most landmarks: each adds three states to a filter whose cost grows with the square of their number."""
 
 LISTENING: Final = frozenset({"udpin", "tcpin"})
 """Kinds of links that bind the port of their URL."""
 ANY_IPV4: Final = "0.0.0.0"  # noqa: S104
-"""Compared, not bound."""
+"""Address of all interfaces; only compared with addresses, not bound."""
 
 Complaint = tuple[tuple[str | int, ...], str]
 """The path of a key, and what is wrong with its value."""
@@ -64,7 +64,7 @@ def _urls(document: Document) -> Iterator[Complaint]:
 
 
 def _listeners(document: Document) -> Iterator[Complaint]:
-    """Ports and devices that this file itself would open twice: they were retried for ever."""
+    """Ports and devices that this file would open twice: the second opening would be retried for ever."""
     opened: list[tuple[str, LinkUrl]] = []
     for index, link in enumerate(document.link):
         url = parse_link_url(link.url)

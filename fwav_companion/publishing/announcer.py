@@ -1,8 +1,8 @@
 """Notices for people: target found, lost, merged, each with place and accuracy; and notices as STATUSTEXT. Pure.
 
-STATUSTEXT (253) carries 50 bytes; a longer text goes out in chunks. A receiver takes a chunk with a zero byte for the
-last one: so every chunk but the last fills its 50 bytes, and the last does not. A character that would be cut in two
-goes to the next chunk, and spaces fill the gap.
+STATUSTEXT (253) carries 50 bytes; a longer text is sent in chunks. A receiver takes a chunk with a zero byte as the
+last one. Therefore every chunk except the last fills its 50 bytes, and the last does not. A character that would be cut
+in two goes to the next chunk, and spaces fill the gap.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track, TrackState
 
 BURST = 4
-"""Texts in a row; then one a second. A field full of targets must not fill the radio with texts."""
+"""Most texts in a burst; then one a second is sent. A field full of targets must not fill the radio with texts."""
 REFILL_NS = NS_PER_S
 REPEATED_NS = 10 * NS_PER_S
-"""An identical text is not sent again within this time."""
+"""Time within which an identical text is not sent again."""
 MAX_REMEMBERED = 32
 CHUNK_BYTES = 50
 MAX_BYTES = 4 * CHUNK_BYTES
-"""Longer texts are cut: a radio carries them at the cost of telemetry."""
+"""Length at which texts are cut: on a radio, texts take the place of telemetry."""
 ALONE = 0
 """Id of a text that fits into one message."""
 ID_MODULUS = 0xFFFF
@@ -46,7 +46,7 @@ class TargetNotices:
         self._found: dict[int, Track] = {}
 
     def forget(self) -> None:
-        """Forget every target without a notice: all tracks ended, and another notice says why."""
+        """Forget every target without a notice: all tracks ended, and another notice gives the reason."""
         self._found.clear()
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> list[Notice]:
@@ -188,5 +188,5 @@ def _chunks(encoded: bytes) -> Iterator[str]:
 
 
 def _printable(text: str) -> str:
-    """The text with spaces for control characters: a zero byte would end the text, a line break the line."""
+    """The text with control characters replaced by spaces: a zero byte would end the text, a line break the line."""
     return "".join(character if character.isprintable() else " " for character in text)

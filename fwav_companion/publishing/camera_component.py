@@ -29,9 +29,9 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 IDLE_REPEATS = 3
-"""Messages after the last target: a lost datagram must not leave a box on the operator's picture."""
+"""Number of idle statuses after the last target: a lost datagram must not leave a box on the operator's picture."""
 PREDICTED_SIGMA_PX = 10.0
-"""Pixel sigma of a target that is shown at its predicted place."""
+"""One sigma of the pixel of a target that is shown at its predicted place, pixels."""
 STATUS_IDS = (enums.CAMERA_TRACKING_IMAGE_STATUS, enums.CAMERA_TRACKING_GEO_STATUS)
 STATUS_NAMES = {
     enums.CAMERA_TRACKING_IMAGE_STATUS: "CAMERA_TRACKING_IMAGE_STATUS",
@@ -57,7 +57,7 @@ class CameraComponent:
         on_notice: Callable[[Notice], None],
         spots: Spots | None = None,
     ):
-        """``on_notice``: takes what is worth a line in the log. ``spots``: None where clicks only select tracks."""
+        """``on_notice``: receives notices for the log. ``spots``: None where clicks only select tracks."""
         self._options = options
         self._on_notice = on_notice
         self._selection = selection
@@ -82,7 +82,7 @@ class CameraComponent:
         return min(due, default=None)
 
     def on_tracks(self, host_ns: HostNs | None, pixel_from_ned: PixelFromNed | None) -> None:
-        """Keep the pixel of every believed track in the picture of this instant, seen or predicted."""
+        """Keep the pixel, seen or predicted, of every confirmed or coasting track in the picture of this instant."""
         self._places = {}
         for track in self._selection.believed.values():
             place = _place_in_image(track, pixel_from_ned)
@@ -143,7 +143,7 @@ class CameraComponent:
         return DENIED if message_id is None else None
 
     def _describe(self, command: Command, message_id: int, situation: Situation, number: float) -> CommandAnswer | None:
-        """The requested description. ``number``: 1 for the only one of its kind; 0 or NaN, the default, for all."""
+        """Answer with a description. ``number``: 1 for the only one of its kind; 0 or NaN, the default, for all."""
         if number not in {0.0, 1.0} and not isnan(number):
             return DENIED
         name, describe = information.DESCRIPTIONS[message_id]
@@ -199,9 +199,10 @@ class CameraComponent:
         return self._choose(command, self._pictures.track_in(when, low, high), middle, when)
 
     def _choose(self, command: Command, hit: int | None, point: tuple[float, float], when: HostNs) -> CommandAnswer:
-        """Select by the picture of that instant; by the ground where it shows no track, or was not processed.
+        """Select a track by the picture of that instant, or by the ground where that picture shows no track or was not
+        processed.
 
-        Where no track is, the spot itself is followed, as soon as the camera process finds that it can be.
+        Where there is no track, the spot itself is followed once the camera process confirms that it can be followed.
         """
         believed = self._selection.believed
         if hit not in believed and self._locate is not None:
@@ -221,7 +222,7 @@ class CameraComponent:
         return min(self._options.image_size) > 0
 
     def _nothing(self, command: Command, code: NoticeCode) -> CommandAnswer:
-        """Answer to a click that selects nothing: FAILED for the station, a text for the operator and the log."""
+        """Answer to a click that selects no target: FAILED for the station, a text for the operator and the log."""
         self._on_notice(Notice(code, Severity.NOTICE, CLICKED_NOTHING[code]))
         texts = statustexts(
             CLICKED_NOTHING[code],
@@ -250,7 +251,7 @@ class CameraComponent:
         return image_status(track, place, self._options.image_size, situation.now_ns)
 
     def _to_ground(self, message_id: int, fields: Mapping[str, Any], now: HostNs) -> Outgoing:
-        """Message to the gcs links; through the autopilot's link at most at 2 Hz, unless a station asked for more."""
+        """Message to the gcs links; on the autopilot's link at most at 2 Hz, unless a station requested more."""
         reached_ns = self._reached_ns.get(message_id)
         far = self._intervals[message_id].is_asked or reached_ns is None or now >= reached_ns + UNASKED_NS
         if far:

@@ -21,7 +21,7 @@ from fwav_companion.types.camera import Lens, NoRay
 VENDOR = "fwav-companion"
 MODEL = "target localization"
 STREAM = STORAGE = 1
-"""Number of the one stream and of the one storage: both count from 1."""
+"""Number of the only stream and of the only storage: both count from 1."""
 VIDEO_TYPES = {
     "rtsp": enums.VIDEO_STREAM_TYPE_RTSP,
     "udp": enums.VIDEO_STREAM_TYPE_RTPUDP,
@@ -34,7 +34,8 @@ VIDEO_TYPES = {
 ENCODINGS = {"udp265": enums.VIDEO_STREAM_ENCODING_H265}
 """Encoding by the URI's scheme, as QGroundControl writes it; unknown for every other scheme."""
 BY_PORT = frozenset({enums.VIDEO_STREAM_TYPE_RTPUDP, enums.VIDEO_STREAM_TYPE_MPEG_TS})
-"""Types whose URI is the port number alone (common.xml). QGroundControl before 5.0 prepends ``udp://0.0.0.0:``."""
+"""Stream types whose URI is only the port number (common.xml). QGroundControl before 5.0 prepends
+``udp://0.0.0.0:``."""
 URI_BYTES = 160
 
 
@@ -77,7 +78,7 @@ def camera_settings(_options: PublishOptions, now: HostNs) -> dict[str, Any]:
 def storage_information(_options: PublishOptions, now: HostNs) -> dict[str, Any]:
     """STORAGE_INFORMATION (261): not supported, so that a station shows no capacity.
 
-    A refusal would be repeated by QGroundControl. What the recording keeps is the flight's, not the operator's.
+    After a refusal QGroundControl would repeat its request. The recording's files are not pictures for the operator.
     """
     return {
         "time_boot_ms": boot_ms(now),
@@ -161,7 +162,7 @@ def horizontal_fov_deg(lens: Lens) -> float:
 
 
 def _stream(options: PublishOptions) -> dict[str, Any]:
-    """Fields common to both stream messages. Another program makes the stream: its format is not known here."""
+    """Fields common to both stream messages. Another program makes the stream, so its format is not known here."""
     return {
         "flags": enums.VIDEO_STREAM_STATUS_FLAGS_RUNNING,
         "framerate": 0.0,

@@ -1,8 +1,8 @@
 """Cursor on Target: the selected target as an event for ATAK and similar maps. Pure.
 
-``ce`` and ``le`` are one sigma, as the event schema defines them for an error: ``ce`` along the larger horizontal
-semi-axis, ``le`` vertically, metres. ``hae`` is height above the ellipsoid: height above mean sea level plus the geoid
-height of the autopilot's own receiver. Times are true UTC; without UTC no event is made.
+``ce`` and ``le`` are one sigma, metres, as the event schema defines errors: ``ce`` along the larger horizontal
+semi-axis, ``le`` vertically. ``hae`` is height above the ellipsoid: height above mean sea level plus the geoid height
+from the autopilot's receiver. Times are true UTC; without UTC no event is made.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LARGEST_ERROR_M = 9_999_999.0
 UNKNOWN_HAE_M = 9_999_999.0
 """Value of the schema for an unknown height."""
 MAX_UTC_NS = 10**9 * 4 * 10**9
-"""The year 2096: a later time is not plausible."""
+"""Latest plausible UTC, the year 2096, Unix nanoseconds."""
 
 
 NO_EVENT = {
@@ -32,13 +32,13 @@ NO_EVENT = {
     NoticeCode.COT_WITHOUT_GEOID: "no geoid height: the autopilot's GPS_RAW_INT has no alt_ellipsoid",
     NoticeCode.COT_WITHOUT_UTC: "UTC is unknown: wait for the autopilot's GPS, or run NTP on this board",
 }
-"""Why an event is not sent, and what to do."""
+"""Reasons why an event is not sent, and what to do."""
 
 
 def cot_event(track: Track, options: PublishOptions, situation: Situation) -> bytes | NoticeCode:
-    """One event, valid for ``cot_stale_s``, or the code of why it is not sent.
+    """One event, valid for ``cot_stale_s``, or the code of the reason why it is not sent.
 
-    The uid names the board and the vehicle: a restart moves the old marker.
+    The uid names the board and the vehicle, so that the service moves the old marker after a restart.
     """
     target = target_report(track, situation)
     if target.place is None:
@@ -59,9 +59,9 @@ class MapEvent(msgspec.Struct, frozen=True, kw_only=True):
     """The content of one event."""
 
     uid: str
-    """Name of the marker: a later event with it moves the marker."""
+    """Name of the marker: a later event with this uid moves the marker."""
     kind: str
-    """CoT type, as a-u-G."""
+    """CoT type, such as a-u-G."""
     utc_ns: int
     stale_s: float
     """Validity, seconds."""
@@ -71,7 +71,7 @@ class MapEvent(msgspec.Struct, frozen=True, kw_only=True):
     """Height above the ellipsoid, metres; :data:`UNKNOWN_HAE_M` where it is not known."""
     horizontal_sigma_m: float
     vertical_sigma_m: float
-    """One sigma, metres; NaN where it is not known."""
+    """One sigma of the height, metres; NaN where it is not known."""
     callsign: str
     remarks: str
 

@@ -1,8 +1,8 @@
-"""Messages for ground stations besides the camera's, field by field. Pure.
+"""Messages for ground stations that are not the camera's, field by field. Pure.
 
 NAMED_VALUE_FLOAT (251): the selected target as numbers, for Mission Planner's quick view. ADSB_VEHICLE (246): a map
 marker for stations without another one, on gcs links only, because an autopilot takes it for traffic and avoids it.
-ONBOARD_COMPUTER_STATUS (390): load, memory, temperature and links of our own board.
+ONBOARD_COMPUTER_STATUS (390): load, memory, temperature and links of the companion computer.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 NAMES = ("TGT_ID", "TGT_N", "TGT_E", "TGT_DIST", "TGT_BRG", "TGT_ACC", "TGT_R95")
-"""Named values of the selected target; the message holds ten characters."""
+"""Names of the selected target's values; the message holds ten characters."""
 
 ADDRESSES = 0xF00000
 """First ICAO address that is not allotted to a country."""
@@ -37,9 +37,9 @@ UART, WIRED_NETWORK = 0, 10
 def named_values(track: Track | None, situation: Situation) -> list[dict[str, Any]]:
     """Fields of one message for each of :data:`NAMES`.
 
-    Number of the track, metres north and east of the origin, distance from the vehicle in metres, bearing in degrees
-    from north, one sigma along the larger semi-axis and radius of the 95 % circle in metres. Without a target the
-    number is 0 and the rest is NaN.
+    The values are: number of the track, metres north and east of the origin, distance from the vehicle in metres,
+    bearing in degrees from north, one sigma along the larger semi-axis and radius of the 95 % circle in metres. Without
+    a target the number is 0 and the other values are NaN.
     """
     values = (0.0, *(nan,) * (len(NAMES) - 1)) if track is None else _values(track, situation)
     stamp = boot_ms(situation.now_ns)
@@ -77,7 +77,7 @@ def adsb_vehicle(track: Track, system: int, now: Situation) -> dict[str, Any] | 
 
 
 def onboard_computer_status(board: BoardReport, now: HostNs) -> dict[str, Any]:
-    """Fields of ONBOARD_COMPUTER_STATUS; its lists hold the first cores and links in their order."""
+    """Fields of ONBOARD_COMPUTER_STATUS; its lists contain the first cores and links in order."""
     celsius = board.core_celsius
     return {
         "time_usec": now // NS_PER_US,

@@ -1,4 +1,4 @@
-"""Intervals of messages: by the configuration, until a station asks for another. Pure."""
+"""Intervals of messages: as configured, until a station requests another. Pure."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from math import isfinite
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, HostNs
 
 SHORTEST_NS = 20 * NS_PER_MS
-"""The camera guide's own example asks for 10 microseconds and means 10 Hz: at most 50 Hz are sent."""
+"""Shortest interval, 50 Hz: the camera guide's own example requests 10 microseconds and means 10 Hz."""
 LONGEST_NS = 60 * NS_PER_S
 MAX_REQUESTERS = 16
 UNASKED_NS = NS_PER_S // 2
-"""Through the autopilot's link a message that no station asked for goes out at most twice a second."""
+"""Shortest interval on the autopilot's link of a message that no station requested: twice a second."""
 
 
 class Interval:
-    """Interval of one message. The shortest request counts; a station that stops the message stops it for itself."""
+    """Interval of one message: the shortest one requested. A station's request to stop ends only its own request."""
 
     def __init__(self, default_ns: int):
         self._default_ns = default_ns
@@ -24,7 +24,7 @@ class Interval:
 
     @property
     def is_asked(self) -> bool:
-        """Whether a station asked for an interval of its own."""
+        """Whether a station requested an interval."""
         return any(
             interval_ns is not None and requester not in self._at_default
             for requester, interval_ns in self._asked_ns.items()
@@ -32,7 +32,7 @@ class Interval:
 
     @property
     def ns(self) -> int | None:
-        """Between two messages, nanoseconds; None where every station that asked has stopped it."""
+        """Time between two messages, nanoseconds; None where every station with a request has stopped the message."""
         wanted = [interval_ns for interval_ns in self._asked_ns.values() if interval_ns is not None]
         if wanted:
             return min(wanted)
@@ -41,7 +41,7 @@ class Interval:
     def ask(self, requester: tuple[int, int], interval_us: float) -> bool:
         """Take param2 of SET_MESSAGE_INTERVAL: microseconds, 0 for the default interval, -1 to stop.
 
-        Returns False where it is not a finite number.
+        Returns False where param2 is not a finite number.
         """
         if not isfinite(interval_us):
             return False
@@ -62,14 +62,14 @@ class Interval:
 
 
 class Cadence:
-    """Instants at an interval that may change, without drift."""
+    """Due instants of a message at an interval that may change, without drift."""
 
     def __init__(self) -> None:
         self.next_ns: HostNs | None = None
         """The next instant; None until the first call of :meth:`tick`."""
 
     def tick(self, now: HostNs, interval_ns: int) -> bool:
-        """Whether the message is due; the next instant is then one interval later. The first call is due."""
+        """Whether the message is due; if so, the next instant is one interval later. At the first call it is due."""
         if self.next_ns is None:
             self.next_ns = HostNs(now + interval_ns)
             return True

@@ -1,9 +1,10 @@
-"""LANDING_TARGET (149), which steers a landing: in the profile of the autopilot, or withheld for a named reason. Pure.
+"""LANDING_TARGET (149), which steers a landing: in the form that the autopilot needs, or withheld for a named reason.
 
-ArduPilot takes a vector in the vehicle's body axes, and rotates it to the world by the attitude of ``PLND_LAG`` before
-the message's arrival: the vector is therefore given in the body axes of that instant, not of the capture. PX4 takes a
-point in its own local frame, which is not ours: the target relative to the vehicle at the capture is added to PX4's own
-position at the capture. LOCAL_FRD is never sent: ArduPilot shipped it with the wrong sign of yaw.
+Pure. ArduPilot takes a vector in the vehicle's body axes, and rotates it to the world by the attitude of ``PLND_LAG``
+before the message's arrival. Therefore the vector is given in the body axes of that instant, not of the capture. PX4
+takes a point in its own local frame, which differs from the service's: the target relative to the vehicle at the
+capture is added to PX4's own position at the capture. LOCAL_FRD is never sent: ArduPilot shipped it with the wrong sign
+of yaw.
 """
 
 from __future__ import annotations
@@ -29,18 +30,19 @@ from fwav_companion.types.telemetry import VehicleState
 from fwav_companion.types.tracks import Track, TrackState
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
-"""The vehicle at an instant of the autopilot's clock, or why it is not known."""
+"""Vehicle state at an instant of the autopilot's clock, or the reason why it is not known."""
 
 DEFAULT_LAG_S = 0.02
 """Default of ArduPilot's PLND_LAG, seconds."""
 LEAST_LAG_S, MOST_LAG_S = 0.02, 0.25
 """Limits that ArduPilot sets to PLND_LAG (AC_PrecLand::init), seconds."""
 MAX_BRIDGED_S = 0.1
-"""Longest extrapolation of an attitude by its rates: half a beat at 5 Hz. Beyond it a flapping body is elsewhere."""
+"""Longest extrapolation of an attitude by its rates, seconds: half a beat at 5 Hz. Beyond it the extrapolation does not
+hold for a flapping body."""
 LEAST_SIDEWAYS = 1e-6
-"""Horizontal part of a unit ray below which it is rounding."""
+"""Horizontal part of a unit ray below which it is only rounding."""
 MAX_AGE_S = 0.5
-"""Oldest frame that steers a landing."""
+"""Greatest age of a frame that steers a landing, seconds."""
 
 
 class Withheld(StrEnum):
@@ -58,13 +60,13 @@ class Withheld(StrEnum):
     """A newer frame has been sent, or this one is older than 0.5 s."""
     NO_AUTOPILOT = "no_autopilot"
     UNKNOWN_AUTOPILOT = "unknown_autopilot"
-    """Neither ArduPilot nor PX4: how it reads the message is unknown."""
+    """The autopilot is neither ArduPilot nor PX4: its interpretation of the message is unknown."""
     NO_VEHICLE = "no_vehicle"
-    """The vehicle's state at the instant that the profile needs is unknown."""
+    """The vehicle's state at the instant that the message needs is unknown."""
     NO_LOCAL_POSITION = "no_local_position"
     """PX4's own LOCAL_POSITION_NED at the capture is unknown."""
     CLOCK_IN_DOUBT = "clock_in_doubt"
-    """The autopilot's clock slips or changes its rate: the capture is not known to it well enough."""
+    """The autopilot's clock slips or changes its rate: the capture on that clock is too uncertain."""
     NO_HEIGHT = "no_height"
     """There is no global position, and the camera's height above the target is unknown."""
 
@@ -90,7 +92,7 @@ class Landing:
         return self._target
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | None:
-        """LANDING_TARGET of the frame with these tracks; None where it is withheld: the reason is counted."""
+        """LANDING_TARGET of the frame with these tracks; None where it is withheld, and then the reason is counted."""
         if not self._options.landing_target:
             return None
         answer = self._message(tracks, situation)
@@ -128,7 +130,7 @@ class Landing:
         )
 
     def _choose(self, tracks: Iterable[Track]) -> Track | None:
-        """The chosen track, or the track that it was merged into; a new choice only after it was dropped."""
+        """The track to land on, or the track that it was merged into; another one only after that track was dropped."""
         live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
         if self._target is not None and self._target not in live:
             self._target = successor(self._target, live.values())
@@ -184,7 +186,7 @@ class Landing:
         return _fields(track, enums.MAV_FRAME_LOCAL_NED, add(situation.local_position_ned, relative), in_body)
 
     def _state_when_used(self, situation: Situation) -> VehicleState | None:
-        """The vehicle at (arrival - PLND_LAG): from the history, else extrapolated from the newest state."""
+        """Vehicle state at (arrival - PLND_LAG), from the history, else extrapolated from the newest state."""
         newest, clock = situation.vehicle, situation.clock
         if newest is None:
             return None
@@ -202,7 +204,7 @@ class Landing:
         return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
 
     def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
-        """Vector from the vehicle to the target, NED metres."""
+        """Vector from the vehicle to the target, NED, metres."""
         if state.position_ned is not None:
             return subtract(target, state.position_ned)
         height_m = _camera_height(track.fix, state) if track.fix is not None else None
@@ -225,8 +227,8 @@ def _carried(state: VehicleState, step_s: float) -> VehicleState:
 def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
     """Height of the camera above the ground under the target, in a world without a global position.
 
-    The fix is then relative to the point below the camera: its horizontal distance and the direction of its ray give
-    the height. For a ray straight down they do not, and the autopilot's height above home is used.
+    The fix is then relative to the point below the camera, so its horizontal distance and the direction of its ray give
+    the height. For a ray straight down they do not; then the autopilot's height above home is used.
     """
     north, east, down = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
     sideways = hypot(north, east)

@@ -50,12 +50,12 @@ class PublishTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PublishOptions(PublishTable, frozen=True, kw_only=True):
-    """The [publish] table, and what the publisher must know of this installation."""
+    """The [publish] table, and the facts of this installation that the publisher needs."""
 
     image_size: tuple[int, int] = (0, 0)
     """Width and height of the calibration, pixels; (0, 0) without a camera."""
     hfov_deg: float = 0.0
-    """Horizontal field of view by the calibration, degrees; 0: unknown."""
+    """Horizontal field of view from the calibration, degrees; 0: unknown."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera, as [camera.mount] has it; 0: no gimbal."""
     camera_position_m: Vector3 = ZERO3
@@ -67,4 +67,5 @@ class PublishOptions(PublishTable, frozen=True, kw_only=True):
     version: tuple[int, int, int] = (0, 0, 0)
     """Version of this package: the camera's firmware version."""
     unit: str = ""
-    """Permanent name of this board, the start of its machine id: Cursor on Target's uid outlives a restart by it."""
+    """Permanent name of this board, the start of its machine id. It keeps the uid of Cursor on Target the same after a
+    restart."""

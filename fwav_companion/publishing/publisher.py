@@ -25,18 +25,18 @@ from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.tracks import Track
 
 VALUES_NS = UNASKED_NS
-"""Interval of the numbers for a display: people do not read faster than twice a second."""
+"""Interval of the named values for a display: people do not read faster than twice a second."""
 ADSB_NS = NS_PER_S
 MAX_DATAGRAMS = 64
 MAX_TRACK_REPORTS = 64
-"""Tracks in the status: 16 kB of the 64 kB that it may have."""
+"""Most tracks in the status: 16 kB of its limit of 64 kB."""
 
 
 class Publisher:
     """Publishes the tracks of every processed frame; answers commands to the camera; encodes notices.
 
     ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures. ``spots``:
-    follows what is clicked and is not a track. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
+    follows clicked spots that are not tracks. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
     will use; without it the newest state is extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
     """
 
@@ -62,7 +62,7 @@ class Publisher:
         self._reported: set[NoticeCode] = set()
         self._started = False
         self.wake_at: HostNs | None = None
-        """Instant at which :meth:`on_wake` is due; None before its first call, or that of :meth:`on_tracks`."""
+        """Instant at which :meth:`on_wake` is due; None before the first call of it or of :meth:`on_tracks`."""
 
     @property
     def selected(self) -> Track | None:
@@ -72,7 +72,7 @@ class Publisher:
     def on_tracks(
         self, tracks: tuple[Track, ...], situation: Situation, pixel_from_ned: PixelFromNed | None = None
     ) -> list[Outgoing]:
-        """Messages after a processed frame, LANDING_TARGET first, which does not wait for a periodic message.
+        """Messages after a processed frame. LANDING_TARGET is first, so that it does not wait for periodic messages.
 
         ``situation.at_capture`` and ``local_position_ned`` are those of this frame. An empty tuple of tracks is a frame
         without live tracks.
@@ -104,7 +104,7 @@ class Publisher:
         return out
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
-        """Answer to a command to our camera; None where it is not for the camera, or unknown."""
+        """Answer to a command to the service's camera; None where it is not for the camera, or unknown."""
         if not self._options.camera_tracking or command.to_component != self._options.camera_component:
             return None
         answer = self._camera.on_command(command, situation)
@@ -112,13 +112,15 @@ class Publisher:
         return answer
 
     def on_spot_refused(self, refused: SpotRefused) -> None:
-        """A clicked spot cannot be followed: report it, and select as before the click."""
+        """Report a clicked spot that cannot be followed, and select as before the click."""
         self._selection.forget_spot(refused.spot)
         text = f"tracking: this spot cannot be followed ({refused.refused.replace('_', ' ')}), click on another"
         self._notices.append(Notice(NoticeCode.CLICK_REFUSED, Severity.NOTICE, text, to_ground=True))
 
     def forget_targets(self) -> None:
-        """All tracks ended, and another notice says why: their places belong to a world that is gone."""
+        """Forget all targets: their tracks ended, and their places are in a former local frame. Another notice gives
+        the reason.
+        """
         self._target_notices.forget()
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
@@ -127,7 +129,7 @@ class Publisher:
 
     @property
     def has_datagrams(self) -> bool:
-        """Whether :meth:`datagrams` would return any."""
+        """Whether :meth:`datagrams` would return any datagrams."""
         return bool(self._datagrams)
 
     def datagrams(self) -> list[bytes]:
@@ -153,11 +155,11 @@ class Publisher:
         return tuple(sorted(self._selection.believed.values(), key=seniority))
 
     def track_reports(self, plane: TangentPlane | None, now: HostNs) -> list[TrackReport]:
-        """Part of the status: the believed tracks, the oldest first."""
+        """Part of the status: the confirmed and coasting tracks, the oldest first."""
         return [track_report(track, plane, now) for track in self.believed[:MAX_TRACK_REPORTS]]
 
     def status(self) -> PublishingReport:
-        """Part of the status: the selected track, and what became of LANDING_TARGET."""
+        """Part of the status: the selected track, and the counts of LANDING_TARGET."""
         selected, withheld = self._selection.selected, self.landing.withheld
         landing = LandingReport(
             target=self.landing.target,
@@ -172,7 +174,7 @@ class Publisher:
         )
 
     def _next_due(self) -> HostNs | None:
-        """The next instant with work. Kept in :attr:`wake_at`, which is read with every message."""
+        """The next instant with work. It is cached in :attr:`wake_at`, because that is read with every message."""
         due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
         return min((at for at in due if at is not None), default=None)
 
@@ -193,7 +195,7 @@ class Publisher:
         return [self._companion("ADSB_VEHICLE", fields, Destination.GROUND_LINKS)] if fields is not None else []
 
     def _make_event(self, track: Track | None, situation: Situation) -> None:
-        """Append one datagram; or a notice of why there is none, once."""
+        """Append one datagram, or, once, a notice with the reason why there is none."""
         if track is None:
             return
         event = cot_event(track, self._options, situation)

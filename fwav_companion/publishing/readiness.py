@@ -1,4 +1,4 @@
-"""Readiness of the vehicle to localize targets: what it rests on, the first obstacle, and when it is reported. Pure."""
+"""Readiness of the vehicle to localize targets: its conditions, the first obstacle, and when it is reported. Pure."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from fwav_companion.types.messages import Notice, NoticeCode, Severity
 from fwav_companion.types.reasons import Reason
 
 SLOW = 0.8
-"""Below this share of the wanted attitude rate, interpolation may miss the flapping."""
+"""Share of the wanted attitude rate below which interpolation may miss the flapping."""
 RECOVERED = 0.85
-"""A rate that was reported as slow counts as recovered above this share."""
+"""Share of the wanted attitude rate above which a rate that was reported as slow counts as recovered."""
 NO_PICTURES_S = 3.0
 """Age of the newest picture beyond which pictures count as missing."""
 NORMAL_95 = 1.96
@@ -22,13 +22,13 @@ NORMAL_95 = 1.96
 
 CHECK_NS = NS_PER_S
 EARLIEST_NS = 3 * NS_PER_S
-"""First report that the vehicle is ready: the rate meter needs one full window of 2 s after the adoption."""
+"""Time after the adoption before the vehicle is reported as ready: the rate meter needs one full window of 2 s."""
 LATEST_NS = 5 * NS_PER_S
-"""First report at the latest."""
+"""Time after the adoption until the first report at the latest."""
 HOLD_NS = 3 * NS_PER_S
-"""A change is reported after it has held for this time."""
+"""Time for which a change must hold before it is reported."""
 REPORT_NS = 10 * NS_PER_S
-"""Shortest time between two reports on average: a third one waits until twice this after the first."""
+"""Shortest mean time between two reports: a third report waits until twice this time after the first."""
 
 REFUSED_FIXES = {
     Reason.MALFORMED: "send JSON as the README shows",
@@ -73,26 +73,26 @@ Other reasons (a ray above the horizon, a vehicle on the ground) depend on the v
 
 
 class Readiness(msgspec.Struct, frozen=True, kw_only=True):
-    """What localization rests on at one instant."""
+    """Conditions of localization at one instant."""
 
     attitude_hz: float
-    """0 while no attitude arrives."""
+    """Rate of the attitudes, Hz; 0 while no attitude arrives."""
     wanted_attitude_hz: float
     clock_sigma_s: float
-    """Infinite while the autopilot's clock is unknown."""
+    """One sigma of the autopilot's clock, seconds; infinite while it is unknown."""
     frames_hz: float
     frame_age_s: float
-    """Of the newest picture; infinite before the first."""
+    """Age of the newest picture, seconds; infinite before the first."""
     refused: Reason | None = None
-    """Why the newest picture was refused."""
+    """Reason why the newest picture was refused; None where it was used."""
     no_fix: Reason | None = None
-    """Why a target straight below would have no fix."""
+    """Reason why a target straight below would have no fix; None where it would have one."""
     within95_m: float | None = None
-    """Radius of the 95 % circle of a target straight below, relative to the vehicle."""
+    """Radius of the 95 % circle of a target straight below, relative to the vehicle, metres."""
     height_m: float | None = None
-    """Height of the camera above the ground for that radius."""
+    """Height of the camera above the ground for that radius, metres."""
     autopilot_silent: bool = False
-    """Heartbeats are overdue: the loss of the autopilot may be reported next, and explains all else."""
+    """Whether heartbeats are overdue: the loss of the autopilot may be reported next, and explains the rest."""
 
 
 class Obstacle(msgspec.Struct, frozen=True):
@@ -147,7 +147,7 @@ class ReadinessReports:
 
     def __init__(self) -> None:
         self.wake_at: HostNs | None = None
-        """The next check; None while no autopilot is heard."""
+        """Instant of the next check; None while no autopilot is received."""
         self._began_ns = HostNs(0)
         self._reported: NoticeCode | None = None
         self._reports_ns: deque[HostNs] = deque(maxlen=2)
@@ -155,24 +155,24 @@ class ReadinessReports:
         self._changed_ns = HostNs(0)
 
     def begin(self, now: HostNs) -> None:
-        """Forget what was reported: the autopilot was adopted, came back, or rebooted."""
+        """Forget earlier reports: the autopilot was adopted, came back, or rebooted."""
         self._began_ns, self._reported, self._changed = now, None, None
         self._reports_ns.clear()
         self.wake_at = HostNs(now + CHECK_NS)
 
     def stop(self) -> None:
-        """Report nothing: the autopilot is lost, which is reported by its own notice."""
+        """Stop reporting: the autopilot is lost, which has a notice of its own."""
         self._reported, self.wake_at = None, None
 
     def on_wake(self, readiness: Readiness, now: HostNs) -> Notice | None:
-        """Notice to send now, None where no change is to be reported."""
+        """Notice to send now; None where no change is to be reported."""
         self.wake_at = HostNs(now + CHECK_NS)
         notice = readiness_notice(readiness, self._reported)
         due = self._is_due(notice.code, now)
         return self._report(notice, now) if due and not readiness.autopilot_silent else None
 
     def on_armed(self, readiness: Readiness, now: HostNs) -> Notice | None:
-        """Notice of the present state for the arming; None where it is still open, or was reported just before."""
+        """Notice of the present state at arming; None where the state is still undecided or was just reported."""
         notice = readiness_notice(readiness, self._reported)
         repeated = notice.code is self._reported and now < self._reports_ns[-1] + REPORT_NS
         return None if self._reported is None or repeated else self._report(notice, now)

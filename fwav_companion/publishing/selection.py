@@ -1,4 +1,4 @@
-"""The selected target: by the operator's click, else by the configuration's rule. Pure.
+"""Selects the target by the operator's click, else by the configuration's rule. Pure.
 
 A click refers to the picture that was on the operator's screen, :attr:`PublishOptions.video_delay_s` ago. It selects
 the track whose mark it hits in that picture, or the track nearest to the clicked place on the ground.
@@ -22,17 +22,17 @@ from fwav_companion.types.spots import CLICK_LABEL
 from fwav_companion.types.tracks import Track, TrackState
 
 Locate: TypeAlias = Callable[[float, float, float, HostNs], GroundFix | None]
-"""(u, v, sigma_px, host_ns) -> the ground at that pixel of a picture taken then; None where it is not known."""
+"""(u, v, sigma_px, host_ns) -> fix of the ground at that pixel of a picture of that instant; None where unknown."""
 
 
 class Spots(Protocol):
-    """Follows any spot of the picture by its look."""
+    """Follows any spot of the picture by its appearance."""
 
     def follow(self, point: tuple[float, float], host_ns: HostNs, sigma_px: float) -> int | None:
-        """Follow the spot at a pixel of the picture of this instant; its number, None where that is not possible."""
+        """Follow the spot at a pixel of the picture of this instant; returns its number, None where not possible."""
 
     def release_all(self) -> None:
-        """Follow no spot any more."""
+        """Stop following every spot."""
 
 
 PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
@@ -41,18 +41,18 @@ PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
 BELIEVED = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
 MAX_PICTURES = 512
 MAX_APART_NS = 100 * NS_PER_MS
-"""A picture further than this from the clicked one shows another scene: half a beat at 5 Hz."""
+"""Time from the clicked picture beyond which a picture shows another scene: half a beat at 5 Hz."""
 FINGER = 0.03
 """Accuracy of a finger or mouse on a video, as a share of the image's width."""
 GATE_SIGMAS = 3.0
 DELAY_TOLERANCE_NS = 150 * NS_PER_MS
 """Error of [publish] video_delay_s, which people estimate by eye."""
 TIE = 0.25
-"""Share of a click's accuracy below which two distances are equal."""
+"""Difference of two distances, as a share of a click's accuracy, below which they count as equal."""
 
 
 class Selection:
-    """Chooses the selected target among the believed tracks of the newest frame."""
+    """Chooses the selected target among the confirmed and coasting tracks of the newest frame."""
 
     def __init__(self, options: PublishOptions):
         self._by_rule = options.select == "best"
@@ -100,11 +100,11 @@ class Selection:
         self._clicked, self._awaited, self._spot, self._stopped = track_id, None, None, False
 
     def click_spot(self, spot: int) -> None:
-        """Select the track of a clicked spot, whenever it has one that is confirmed; no track until then."""
+        """Select the track of a clicked spot once the spot has a confirmed track; no track until then."""
         self._clicked, self._awaited, self._spot, self._stopped = None, spot, spot, False
 
     def forget_spot(self, spot: int) -> None:
-        """A spot cannot be followed: the choice is as before any click."""
+        """Undo the choice of a spot that cannot be followed: the choice is as before any click."""
         if self._spot == spot:
             self._awaited, self._spot = None, None
 
@@ -114,7 +114,7 @@ class Selection:
 
 
 def shows_spot(track: Track, spot: int) -> bool:
-    """Whether the newest frame shows this clicked spot as this track."""
+    """Whether the track's fix in the newest frame is a detection of this clicked spot."""
     return track.fix is not None and track.label == CLICK_LABEL and track.fix.sighting.detection.detector_id == spot
 
 
@@ -133,7 +133,7 @@ def seniority(track: Track) -> tuple[int, int]:
 
 
 class Mark(msgspec.Struct, frozen=True, gc=False):
-    """One track in one picture."""
+    """Mark of one track in one picture."""
 
     track: int
     at: tuple[float, float]
@@ -167,9 +167,10 @@ class Pictures:
         return min(hits)[1] if hits else None
 
     def tracks_about(self, host_ns: HostNs, point: tuple[float, float], reach_px: float) -> list[int]:
-        """Tracks that pictures of about that instant show within reach, where the delay of the video is not exact.
+        """Tracks within reach in the pictures around that instant, because the delay of the video is not exact.
 
-        The nearest alone, or all that are as near as a click can show; what was reported since then counts, too.
+        Either the nearest track alone, or all tracks that a click cannot distinguish from it. The newest picture is
+        included if it is later than the instant.
         """
         nearest: dict[int, float] = {}
         about = [marks for at, marks in self._pictures if abs(at - host_ns) <= DELAY_TOLERANCE_NS]
@@ -182,7 +183,7 @@ class Pictures:
         return [track for track, apart_px in nearest.items() if apart_px <= least + TIE * self.finger_px]
 
     def track_in(self, host_ns: HostNs, low: tuple[float, float], high: tuple[float, float]) -> int | None:
-        """The track nearest to the rectangle's middle among those inside it, with a finger's width of slack."""
+        """The track nearest to the rectangle's middle among those inside it, with a tolerance of a finger's width."""
         middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
         slack = self.finger_px
         hits = [
@@ -198,7 +199,7 @@ class Pictures:
 
 
 def track_on_ground(fix: GroundFix, host_ns: HostNs, tracks: Iterable[Track]) -> int | None:
-    """The track nearest to a clicked place on the ground, within three sigma of both."""
+    """The track nearest to a clicked place on the ground, within three sigma of both errors."""
     hits = []
     for track in tracks:
         place = track.apparent_ned

@@ -14,20 +14,21 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 MAX_PREDICTED_S = 1.0
-"""Longest prediction of a moving target by its velocity, which is not valid longer without a new fix."""
+"""Longest prediction of a moving target by its velocity, seconds: without a new fix the velocity soon becomes
+invalid."""
 FLOAT32_MAX = 3.4e38
 
 
 class TargetReport(msgspec.Struct, frozen=True):
-    """A track at the present instant."""
+    """A track's position and accuracy at the present instant."""
 
     track: Track
     position_ned: Vector3
-    """NED about the origin, metres; predicted to now where the target moves."""
+    """Position in NED about the origin, metres; predicted to now where the target moves."""
     place: Geodetic | None
-    """None without a global position."""
+    """Position on the earth; None without a global position."""
     from_vehicle: Vector3 | None
-    """NED metres; None where the vehicle's position is unknown."""
+    """Vector from the vehicle, NED, metres; None where the vehicle's position is unknown."""
     horizontal_sigma_m: float
     """One sigma along the larger semi-axis, metres."""
     vertical_sigma_m: float
@@ -84,7 +85,7 @@ def upper_triangle(cov: Matrix3) -> tuple[float, ...]:
 
 
 def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:
-    """Vector from the vehicle. Without a global position, tracks are relative to the point below the camera."""
+    """Vector from the vehicle, NED, metres. Without a global position, tracks start at the point below the camera."""
     vehicle = situation.vehicle
     if vehicle is None:
         return None

@@ -84,13 +84,13 @@ def geo_status(track: Track, situation: Situation) -> dict[str, Any] | None:
 
 
 def normalized(pixel: tuple[float, float], size: tuple[int, int]) -> tuple[float, float]:
-    """Pixel in MAVLink's range 0 to 1, whose 0 is the image's left edge, half a pixel before our 0."""
+    """Pixel in MAVLink's range 0 to 1. Its 0 is the image's left edge, half a pixel before this package's 0."""
     u, v = ((at + 0.5) / extent for at, extent in zip(pixel, size, strict=True))
     return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
 
 
 def pixel(normalized_point: tuple[float, float], size: tuple[int, int]) -> tuple[float, float]:
-    """The inverse of :func:`normalized`."""
+    """Pixel of a point in MAVLink's range 0 to 1: the inverse of :func:`normalized`."""
     return (normalized_point[0] * size[0] - 0.5, normalized_point[1] * size[1] - 0.5)
 
 
