@@ -1,8 +1,8 @@
 """Reads ArduPilot's own log (``.bin``) into a :class:`FlightLog`. PURE.
 
 Messages: ATT or, if that is rare, AHR2, XKF1, NKF1, XKQ or NKQ (attitude), POS (position), XKF1 or NKF1 (velocity),
-IMU (rates), RFND, GPS and ORGN, in the form that ArduPilot has written since its times are microseconds (``TimeUS``,
-2015). Of several instances (filters, receivers) the first is read.
+IMU (rates), RFND, GPS and ORGN, in the form that ArduPilot has written since its times became microseconds (``TimeUS``,
+2015). Where there are several instances (filters, receivers), the first is read.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fwav_companion.recording.time_checks import timely
 from fwav_companion.recording.tlog import SkippedBytes
 
 _INSTANCE: Final = frozenset({"I", "C", "Instance"})
-"""Names of the instance column: of receivers, filter cores and rangefinders."""
+"""Names of the column with the instance of a receiver, a filter core or a rangefinder."""
 _ANGLES: Final = frozenset({"TimeUS", "Roll", "Pitch", "Yaw"})
 _PLACE: Final = frozenset({"TimeUS", "Lat", "Lng", "Alt"})
 _VELOCITY: Final = ("VN", "VE", "VD")
@@ -54,15 +54,16 @@ WANTED: Final = {
     "GPS": Wanted(frozenset({"TimeUS", "Status", "GMS", "GWk"}), _INSTANCE),
 }
 ATTITUDE_SOURCES: Final = ("ATT", "AHR2", "XKF1", "NKF1", "XKQ", "NKQ")
-"""In order of preference: the vehicle flies by ATT. Another source must be twice as frequent to replace it."""
+"""Messages with attitudes, in order of preference: the vehicle flies by ATT. Another source must be twice as frequent
+to replace it."""
 QUATERNIONS: Final = ("XKQ", "NKQ")
-"""The filters' quaternions: logged as fast as ATT is slow."""
+"""Messages with the filters' quaternions: logged at a high rate where ATT is slow."""
 FILTERS: Final = ("XKF1", "NKF1")
-"""The third and the second generation of ArduPilot's EKF, in order of preference."""
+"""Messages of the third and the second generation of ArduPilot's EKF, in order of preference."""
 GPS_EPOCH_UNIX_S: Final = 315_964_800
-"""1980-01-06."""
+"""Epoch of GPS time, 1980-01-06, Unix seconds."""
 LEAP_SECONDS: Final = 18
-"""GPS minus UTC since 2017; no leap second has been added since."""
+"""GPS minus UTC since 2017, seconds; no leap second has been added since."""
 RANGE_GOOD: Final = 4
 """RangeFinder::Status::Good."""
 LOOKING_DOWN: Final = 25
@@ -147,7 +148,7 @@ def _us(values: Values) -> int:
 
 
 def _attitudes(source: str, series: _Series) -> list[tuple[int, Quaternion]]:
-    """Attitudes of a source. A filter's quaternion lacks the trim (AHRS_TRIM), which ATT shows."""
+    """Attitudes of a source. A filter's quaternion lacks the trim (AHRS_TRIM) that ATT contains; it is corrected."""
     attitudes = [(_us(each), _quaternion(each)) for each in series[source]]
     reference = [(_us(each), _quaternion(each)) for each in series["ATT"]]
     if source not in QUATERNIONS or not reference:

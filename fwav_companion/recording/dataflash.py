@@ -1,7 +1,7 @@
 """The format of ArduPilot's own log (DataFlash, ``.bin``), which describes itself by FMT records. PURE.
 
-The format has no checksums. A record is accepted if another record, or the end of the file, follows it: before damage
-may be half a record and half of what a card holds after a power cut.
+The format has no checksums. A record is accepted if another record, or the end of the file, follows it: after a power
+cut, a card may contain half a record followed by old data.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fwav_companion.recording.tlog import SkippedBytes
 
 HEAD: Final = b"\xa3\x95"
 HEAD_BYTES: Final = 3
-"""The two bytes above and the kind."""
+"""Length of a record's head: the two bytes above and the kind."""
 _FMT: Final = 128
 _FMT_BODY: Final = Struct("<BB4s16s64s")
 _NUMBERS: Final = {
@@ -45,11 +45,11 @@ class _Format(msgspec.Struct, frozen=True):
 
     name: str
     length: int
-    """Bytes, the three of the head included."""
+    """Length of a record, bytes, the three of the head included."""
     struct: Struct | None = None
     """Unpacks the wanted columns; the others are padding."""
     columns: tuple[tuple[str, float], ...] = ()
-    """Name and scale."""
+    """Name and scale of each wanted column."""
 
     def values(self, data: bytes, at: int) -> Values:
         if self.struct is None:
@@ -95,7 +95,7 @@ def _format_at(data: bytes, at: int, formats: Mapping[int, _Format]) -> _Format 
 
 
 def _learn(data: bytes, at: int, formats: dict[int, _Format], wanted: Mapping[str, Wanted]) -> None:
-    """Add a described kind. Its length alone lets records of kinds that future firmware adds be skipped."""
+    """Add a described kind. Of unknown kinds, as future firmware may add, the length suffices to skip the records."""
     kind, length, name, characters, columns = _FMT_BODY.unpack_from(data, at + HEAD_BYTES)
     if kind == _FMT or length < HEAD_BYTES:
         return

@@ -1,4 +1,4 @@
-"""Statistics of horizontal errors and of what was claimed about them. PURE."""
+"""Statistics of horizontal errors and of their reported covariances. PURE."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ CHI2_999: Final = -2.0 * log(0.001)
 """Quantiles of chi-square with 2 degrees of freedom."""
 Z_95: Final = 1.96
 LEAST_CORRELATION: Final = 0.05
-"""Autocorrelation below which its sum ends."""
+"""Autocorrelation at which the sum of autocorrelations ends."""
 MOST_COMPARED: Final = 2000
-"""Samples of one target that are compared, evenly taken from all: more would take minutes and show no more."""
+"""Most samples of one target in the autocorrelation, taken evenly from all: more would take minutes and show no
+more."""
 
 
 class ErrorSample(msgspec.Struct, frozen=True, gc=False):
@@ -24,15 +25,16 @@ class ErrorSample(msgspec.Struct, frozen=True, gc=False):
     error_m: float
     """Horizontal distance from the truth, metres."""
     normalised2: float
-    """Square of the error over the claimed covariance, 2 degrees of freedom."""
+    """Square of the error over the reported covariance, 2 degrees of freedom."""
 
 
 def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
-    """Statistics over all samples; ``series``: those of one target each, in order of time.
+    """Statistics over all samples, in metres; ``series``: the samples of one target each, in order of time.
 
-    Metres; ``ce50_m`` and ``ce90_m`` are the radii that hold half and 90 % of the errors. ``coverage95`` counts what
-    lies inside its claimed 95 % ellipse, and has the 95 % interval of the share (Wilson 1927) for as many independent
-    samples as the correlation in time leaves. ``nees`` is the mean normalised square: 2 for an honest claim.
+    ``ce50_m`` and ``ce90_m`` are the radii that contain 50 % and 90 % of the errors. ``coverage95`` is the share of the
+    errors inside their reported 95 % ellipses, with the 95 % interval of this share (Wilson 1927) for the number of
+    independent samples that the correlation in time leaves. ``nees`` is the mean normalised square: 2 where the
+    covariances are right.
     """
     samples = [sample for each in series for sample in each]
     if not samples:
@@ -52,7 +54,7 @@ def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
 
 
 def wilson(share: float, n: float) -> tuple[float, float]:
-    """The 95 % interval of a share that ``n`` independent samples show."""
+    """The 95 % interval of a share that was observed in ``n`` independent samples."""
     z2 = Z_95 * Z_95
     middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n)
     half = Z_95 * sqrt(share * (1.0 - share) / n + 0.25 * z2 / (n * n)) / (1.0 + z2 / n)
@@ -64,7 +66,7 @@ def _quantile(ordered: Sequence[float], share: float) -> float:
 
 
 def _independent(values: Sequence[float]) -> float:
-    """Count of independent samples that carry as much as these in order of time: n / (1 + 2 sum of correlations)."""
+    """Effective number of independent samples in these, which are in order of time: n / (1 + 2 sum of correlations)."""
     finite = [value for value in values[:: ceil(len(values) / MOST_COMPARED)] if isfinite(value)]
     n = len(finite)
     if n < 3:

@@ -1,4 +1,4 @@
-"""Event lines between the frames of a detections file, so that a replay counts as the flight did. PURE.
+"""Event lines between the frames of a detections file, so that a replay has the same counts as the flight. PURE.
 
 - ``{"event": "refused", "received_unix": 5.25, "reasons": {"across_clock_step": 2}}``: datagrams that were rejected
   before they became frames, at most once a second.
@@ -17,7 +17,7 @@ from msgspec import Meta
 from fwav_companion.types import Reason
 
 UnixSeconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e11)]
-"""Same range as in detections: until the year 5138."""
+"""Time in Unix seconds, with the same range as in detections: until the year 5138."""
 
 
 class Refused(msgspec.Struct, frozen=True, tag_field="event", tag="refused"):
@@ -38,7 +38,7 @@ class BeganWith(msgspec.Struct, frozen=True, tag_field="event", tag="began_with"
 
     received_unix: UnixSeconds
     calibration: dict[str, Any]
-    """The stored object of self-calibration, unchanged."""
+    """The stored JSON object of self-calibration, unchanged."""
 
 
 Event: TypeAlias = Refused | RecordingEnd | BeganWith

@@ -1,6 +1,6 @@
 """The content of an autopilot's own log, the same for all autopilots. PURE.
 
-UTC from GPS places the log on Unix time, some tenths of a second late.
+UTC from GPS gives the log's Unix time, some tenths of a second late.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from fwav_companion.geometry.vectors import Vector3
 
 US_PER_S: Final = 1_000_000
 LONGEST_PAIR_US: Final = US_PER_S
-"""Nothing is interpolated between attitudes, or positions, that are further apart."""
+"""Longest interval between two attitudes, or positions, that is interpolated."""
 TOLERABLE: Final = 0.1
-"""Degrees, RMS: the default attitude noise of a configuration. Above it the log's rate limits the accuracy."""
+"""Largest interpolation error without a warning, degrees, RMS: the default attitude noise of a configuration. Above it
+the log's rate limits the accuracy."""
 
 
 class LoggedAttitude(msgspec.Struct, frozen=True, gc=False):
@@ -40,14 +41,15 @@ class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
     alt_amsl_m: float
     height_above_home_m: float
     velocity_ned: Vector3 | None = None
-    """None if the log does not have it; it then follows from the positions before and after."""
+    """Velocity in NED, m/s; None if the log lacks it: then it is computed from the positions before and after."""
 
 
 LEAST_UNIX_US: Final = 10**15
-"""2001-09-09 since 1970; as a time since boot 31 years."""
+"""Least Unix time: 2001-09-09. As a time since boot it would be 31 years."""
 LEAST_FIXES, LEAST_MEASURED_US, TOLERABLE_RATE = 10, 5_000_000, 0.01
-"""GPS times that measure a clock: their count, the time between them, and the departure that is reported. They are
-logged up to 0.2 s late, which is 4 % of five seconds at the worst, and much less between many."""
+"""For the rate of a clock from GPS times: their least number, the least time between them, and the departure from 1
+that is reported. GPS times are logged up to 0.2 s late. That is at worst 4 % of five seconds, and much less over
+many."""
 
 
 class LoggedRange(msgspec.Struct, frozen=True, gc=False):
@@ -74,7 +76,7 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
     autopilot: str
     """ardupilot | px4."""
     attitude_source: str
-    """The log's name of the messages from which the attitudes are taken."""
+    """Name, in the log, of the messages from which the attitudes are taken."""
     attitudes: Sequence[LoggedAttitude]
     positions: Sequence[LoggedPosition] = ()
     ranges: Sequence[LoggedRange] = ()
@@ -82,7 +84,7 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
     origin: tuple[float, float, float] | None = None
     """Origin of the estimator: latitude and longitude in degrees, metres AMSL."""
     home: tuple[float, float, float] | None = None
-    """First home, where the vehicle took off, in the same terms."""
+    """First home, where the vehicle took off: latitude and longitude in degrees, metres AMSL."""
 
     @property
     def knows_utc(self) -> bool:
@@ -92,7 +94,7 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def clock_rate(self) -> float | None:
-        """Seconds of the log's clock in a second of GPS; None without two fixes a while apart."""
+        """Seconds of the log's clock in a second of GPS; None without GPS times that are far enough apart."""
         known = [(fix.boot_us, fix.unix_us) for fix in self.gps if fix.unix_us is not None]
         if len(known) < LEAST_FIXES:
             return None
@@ -104,8 +106,8 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
     def unix_minus_boot_us(self) -> int:
         """Unix time minus boot time by GPS, microseconds; 0 if GPS never knew UTC.
 
-        The largest difference is taken, since a message is logged late, never early; of those near the median, since a
-        damaged message may have any time.
+        The largest difference near the median is used: a message is logged late, never early, and a damaged message may
+        have any time.
         """
         differences = sorted(fix.unix_us - fix.boot_us for fix in self.gps if fix.unix_us is not None)
         middle = differences[len(differences) // 2] if differences else 0

@@ -31,9 +31,9 @@ FOLDER_MODE, FILE_MODE = 0o750, 0o640
 
 
 PICTURE_SHARE: Final = 0.9
-"""Share of [record] max_used_mb that pictures may fill: the rest is for the flight's data, 400 MB of 4096 or hours."""
+"""Share of [record] max_used_mb that pictures may fill. The rest is for the flight's data: 400 MB of 4096, hours."""
 PICTURES_LEAVE_BYTES: Final = 20 * BYTES_PER_MB
-"""Bytes that pictures leave beyond [record] min_free_mb: some minutes of the flight's data."""
+"""Space that pictures leave free beyond [record] min_free_mb: some minutes of the flight's data."""
 
 
 class SpaceError(CompanionError):
@@ -67,7 +67,7 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def has_room(plan: RecordingPlan, count: int) -> bool:
-    """Whether the limits and the disk permit this number of bytes; nothing but the directory is written."""
+    """Whether the limits and the disk permit this number of bytes. At most the directory is created."""
     try:
         plan.directory.mkdir(parents=True, exist_ok=True)
         # A file system that is mounted read-only has room, too.
@@ -77,7 +77,7 @@ def has_room(plan: RecordingPlan, count: int) -> bool:
 
 
 class RecordingFiles:
-    """The open files of one recording folder after the other. Every method may raise OSError."""
+    """The open files of the present recording folder. Every method may raise OSError."""
 
     def __init__(self, plan: RecordingPlan) -> None:
         self._plan = plan
@@ -108,7 +108,7 @@ class RecordingFiles:
             _sync_directory(directory)
 
     def write(self, record: SpanRecord) -> list[Path]:
-        """Write the record; the folders that were removed to make room. SpaceError if that was not enough."""
+        """Write the record. Returns the folders that were removed to make room; SpaceError if that was not enough."""
         if self._space is None or self.folder is None:
             return []
         removed = self._space.take(len(record.data), self.folder)
@@ -117,7 +117,7 @@ class RecordingFiles:
         return removed
 
     def write_picture(self, picture: PictureRecord) -> list[Path]:
-        """Write a picture, then its stamp; the folders that were removed. SpaceError if there is no room for it."""
+        """Write a picture, then its stamp. Returns the folders that were removed; SpaceError if there is no room."""
         if self._space is None or self.folder is None:
             return []
         removed = self._space.take(picture.size, self.folder, for_picture=True)
@@ -134,7 +134,7 @@ class RecordingFiles:
         return removed
 
     def sync(self) -> None:
-        """Bring everything written so far to the disk: pictures before their stamps."""
+        """Flush all written data to the disk, pictures before their stamps."""
         for path in self._unsynced_pictures:
             with path.open("rb") as file:
                 os.fdatasync(file.fileno())
@@ -210,7 +210,7 @@ class Space:
         self._used = sum(map(_size, recordings(directory)))
 
     def take(self, count: int, current: Path, *, for_picture: bool = False) -> list[Path]:
-        """Reserve bytes; the folders that were removed for them. SpaceError if that was not enough.
+        """Reserve bytes. Returns the folders that were removed for them; SpaceError if that was not enough.
 
         Pictures leave some room for the flight's data.
         """

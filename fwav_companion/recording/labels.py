@@ -1,4 +1,4 @@
-"""Names of targets and results of landmarks for people, alike in report, exports and terminal. Pure."""
+"""Names of targets and results of landmarks for people, the same in report, exports and terminal. Pure."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
 
 
 def notice_texts(summary: Mapping[str, Any]) -> list[str]:
-    """What happened to the clock, the position and the camera, by the notices of the summary."""
+    """Texts of the summary's notices about the clock, the position and the camera."""
     return [
         each["text"] + (f" ({each['times']} times in all)" if each["times"] > 1 else "")
         for each in summary.get("notices", ())
@@ -31,7 +31,7 @@ def notice_texts(summary: Mapping[str, Any]) -> list[str]:
 
 
 def shift_text(shift: Mapping[str, Any]) -> str:
-    """The last shift of an elevation model in the summary, and what it adds to every claim."""
+    """Text on the last shift of an elevation model in the summary, and on its share in every uncertainty."""
     source, sigma_m = shift["source"].replace("_", " "), shift["sigma_m"]
     text = f"the model is shifted by {shift['shift_m']:+.1f} m, by {source}"
     if shift["source"] == "assumed":
@@ -42,7 +42,7 @@ def shift_text(shift: Mapping[str, Any]) -> str:
 
 
 def landmark_result(landmark: Mapping[str, Any]) -> str:
-    """What a landmark of the summary did: used, left out, not seen, or not used by this filter."""
+    """Text on the use of a landmark in the summary: used, left out, not seen, or not used by this filter."""
     match landmark["state"]:
         case "used":
             return "used"

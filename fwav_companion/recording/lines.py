@@ -30,7 +30,7 @@ def unix_seconds(host_ns: int, unix_offset_ns: int) -> float:
 
 
 def line_unix_s(line: Line, unix_offset_s: float) -> float | None:
-    """Time of a line on the recording's clock, seconds; None for lines without one. The offset is the header's."""
+    """Time of a line on the recording's clock, seconds; None for lines without a time. The offset is the header's."""
     if line["type"] == "clock":
         time_unix: float = line["time_monotonic"] + unix_offset_s
         return time_unix
@@ -135,7 +135,7 @@ def sighting_line(
 
 
 def _budget_object(budget: ErrorBudget) -> Line:
-    """The budget by cause; that of a standing target's height only where it has one."""
+    """The error budget by cause; the height of a standing target only where the target has one."""
     line = {name: getattr(budget, name) for name in budget.__struct_fields__}
     if budget.target == 0.0:
         del line["target"]

@@ -1,8 +1,7 @@
 """Converts an autopilot's own log into the telemetry that the autopilot would have sent. PURE.
 
-A log has one clock, the autopilot's. Host time is boot time here, so the clock offset is exact, which TIMESYNC
-exchanges without a round trip express. Attitudes have no transmission delay: the autopilot logs them where it computes
-them.
+A log has one clock, the autopilot's. Host time is boot time here, so the clock offset is exact. TIMESYNC exchanges
+without a round trip express this. Attitudes have no transmission delay: the autopilot logs them where it computes them.
 """
 
 from __future__ import annotations
@@ -25,25 +24,25 @@ from fwav_companion.recording.flight_log import (
 
 EXCHANGE_EVERY_US: Final = 500_000
 FIRST_EXCHANGES: Final = 20
-"""Clock exchanges a millisecond apart before the first sample: the clock of a log is known from its beginning."""
+"""Number of clock exchanges, a millisecond apart, before the first sample: so the clock is known from the beginning."""
 MS_US: Final = 1000
 BEATS_A_HEARTBEAT: Final = 2
-"""One heartbeat a second."""
+"""Beats for each heartbeat: one heartbeat a second."""
 AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
-"""MAV_AUTOPILOT."""
+"""MAV_AUTOPILOT by the log's autopilot."""
 MAV_TYPE_QUADROTOR: Final = 2
-"""The logs do not have the type in MAVLink's numbers, and no result depends on it."""
+"""Vehicle type of the heartbeats: the logs do not have the type in MAVLink's numbers, and no result depends on it."""
 MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
-"""Armed throughout: a log does not show that the vehicle stands."""
+"""Mode of all heartbeats, armed: a log does not show whether the vehicle is at rest."""
 BEYOND: Final = 2.0**62
-"""More than any message field can hold."""
+"""Value beyond the range of every message field."""
 
 TimedMessage = tuple[int, str, Mapping[str, Any]]
 """(boot time in microseconds, MAVLink name of the message, its fields)."""
 
 
 def messages_of(log: FlightLog) -> Iterator[TimedMessage]:
-    """The autopilot's messages in order of time; each TIMESYNC request of ours is followed by its answer."""
+    """The autopilot's messages in order of time, and TIMESYNC requests of the service, each followed by its answer."""
     streams = (
         _beats(log),
         map(_attitude, log.attitudes),
@@ -55,7 +54,7 @@ def messages_of(log: FlightLog) -> Iterator[TimedMessage]:
 
 
 def _beats(log: FlightLog) -> Iterator[TimedMessage]:
-    """Heartbeats and clock exchanges around the samples only: a damaged sample days away does not fill the days."""
+    """Heartbeats and clock exchanges, only around the samples: a damaged sample days away does not fill the days."""
     times = [each.boot_us for series in (log.attitudes, log.positions) for each in series]
     if not times:
         return
@@ -90,7 +89,7 @@ def _beats(log: FlightLog) -> Iterator[TimedMessage]:
 
 
 def _exchange(at_us: int) -> Iterator[TimedMessage]:
-    """A request for the clock, and its answer at once: host time is boot time."""
+    """A TIMESYNC request, and its answer at the same instant: host time is boot time."""
     yield at_us, "TIMESYNC", {"tc1": 0, "ts1": at_us * 1000}
     yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
 
@@ -111,7 +110,7 @@ def _attitude(attitude: LoggedAttitude) -> TimedMessage:
 
 
 def _velocities(positions: Sequence[LoggedPosition]) -> Iterator[Vector3]:
-    """Velocity at each position. An unknown one is computed: zero would bend the path between two positions."""
+    """Velocity at each position. An unknown one is computed, because zero would bend the path between two positions."""
     for index, here in enumerate(positions):
         before, after = positions[max(0, index - 1)], positions[min(len(positions) - 1, index + 1)]
         yield here.velocity_ned or _mean_velocity(before, after)

@@ -20,10 +20,10 @@ ACCEPTED = (
     "optionally position_sigma_m, height_sigma_m, attitude_sigma_deg"
 )
 LARGEST_ANGLE_DEG, LARGEST_SIGMA = 360.0, 10_000.0
-"""Limits of [camera.mount] and of [uncertainty]; a larger number is in other units."""
+"""Largest angle and sigma, the limits of [camera.mount] and of [uncertainty]; a larger number is in other units."""
 SAME_TIME_S = 0.01
-"""Times that differ by no more belong to one picture: files carry hundredths of a second, and two pictures are 30 ms
-apart or more."""
+"""Largest difference of two times of one picture, s: files have hundredths of a second, and two pictures are at least
+30 ms apart."""
 
 
 class PhotographPose(msgspec.Struct, frozen=True, kw_only=True):

@@ -24,26 +24,26 @@ from fwav_companion.recording.spans import BeginSpan, PictureRecord, SpanRecord,
 from fwav_companion.recording.tlog import tlog_record
 
 MAX_WAITING_BYTES = 8 << 20
-"""Largest queue for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
+"""Largest queue, for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
 MOST_PICTURE_BYTES = MAX_WAITING_BYTES // 2
-"""Queue from which pictures are left out, so that the flight's data keeps its part of it."""
+"""Size of the queue from which pictures are left out, so that room remains for the flight's data."""
 ROOM_TO_GO_ON_BYTES = 20 * BYTES_PER_MB
-"""A stopped recording continues only with room for some minutes, so that it does not stop again within seconds."""
+"""Free space with which a stopped recording continues: some minutes, so that it does not stop again within seconds."""
 
 WAITS: Final = {
     "armed": 'waits for the vehicle to be armed ([record] when = "armed")',
     "always": "waits for something to record",
 }
-"""What a recording waits for, by [record] when."""
+"""Texts on the event that a recording waits for, by [record] when."""
 
 
 def _no_line() -> Line | None:
-    """No header or summary is known."""
+    """None: no header or summary is known."""
     return None
 
 
 class Recorder:
-    """Records flights into folders. Methods only queue; ``on_failure`` reports once that data is lost.
+    """Records flights into folders. Methods only queue; ``on_failure`` is called once when data is lost.
 
     After a stop, for example on a full disk, the recording continues in a new folder when there is room again.
     """
@@ -78,9 +78,9 @@ class Recorder:
         self._pictures_slow = False
         self._pictures_rest_until_s: float | None = None
         self.failure: str | None = None
-        """Why the recording is stopped; None while it records."""
+        """Reason why the recording is stopped; None while it records."""
         self.folder: Path | None = None
-        """The folder to which it writes; None while it waits."""
+        """The folder that is written; None while the recording waits."""
         # A daemon thread: a disk that hangs must not delay the end of the process.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -101,7 +101,7 @@ class Recorder:
         self._put(SpanRecord(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
 
     def picture(self, file: str, jpeg: bytes, line: bytes) -> None:
-        """Queue a picture and its line of stamps. It is left out where the disk or its space does not suffice."""
+        """Queue a picture and its line of stamps. The picture is left out where the disk is too slow or too full."""
         picture = PictureRecord(file, jpeg, line)
         if self._waiting_bytes + picture.size > MOST_PICTURE_BYTES:
             if not self._pictures_slow:
@@ -239,7 +239,7 @@ def _size(step: Step) -> int:
 
 
 def _joined(steps: Iterable[Step]) -> list[Step]:
-    """The steps, with the records of each file between two other steps joined: one system call, not hundreds."""
+    """The steps, with consecutive records of each file joined: one system call, not hundreds."""
     joined: list[Step] = []
     pictures: list[PictureRecord] = []
     pieces: dict[str, list[bytes]] = {}

@@ -10,14 +10,16 @@ import msgspec
 
 US_PER_S: Final = 1_000_000
 BEFORE_ARMING_US: Final = 30 * US_PER_S
-"""Held in memory while disarmed with ``when = "armed"``: the clock settles in five seconds, an autopilot is adopted in
-three, and rare messages (HOME_POSITION) come every five, so a replay has all of them before the take-off."""
+"""Duration of the records held in memory while disarmed with ``when = "armed"``: the clock settles in five seconds, an
+autopilot is adopted in three, and rare messages (HOME_POSITION) come every five, so a replay has all of them before the
+take-off."""
 MOST_BEFORE_BYTES: Final = 2 << 20
-"""30 s of a busy 921 600 baud link. Memory is scarce: the oldest records are discarded first."""
+"""Most bytes held in memory: 30 s of a busy 921 600 baud link. Memory is scarce: the oldest records are discarded
+first."""
 AFTER_DISARMING_US: Final = 10 * US_PER_S
-"""Recorded after disarming, to show what follows a crash."""
+"""Time that is recorded after disarming, to show what follows a crash."""
 MOST_FOLDER_BYTES: Final = 512 << 20
-"""About three hours of a flight. The next folder then begins, so that tools can still open each file at once."""
+"""Size at which the next folder begins, about three hours of a flight, so that tools can still open whole files."""
 
 
 class SpanRecord(msgspec.Struct, frozen=True, gc=False):
@@ -27,7 +29,7 @@ class SpanRecord(msgspec.Struct, frozen=True, gc=False):
     file: str
     data: bytes
     is_header: bool = False
-    """Whether it is the first line of a targets file."""
+    """Whether the bytes are the first line of a targets file."""
 
 
 class PictureRecord(msgspec.Struct, frozen=True, gc=False):
@@ -60,9 +62,9 @@ class Spans:
     """Assigns records to folders. ``always``: a folder from the start, and another for each later arming.
 
     Each folder is complete in itself: its targets file begins with a header and, unless the service is killed, ends
-    with a summary. The header names the origin, and so waits for it, at most ten seconds after attitudes begin. No
-    target has a position before that. A service that is killed earlier leaves an empty targets file with telemetry and
-    detections, from which a replay makes the targets.
+    with a summary. The header contains the origin, and therefore waits for it, at most ten seconds after the first
+    attitudes. No target has a position before that. A service that is killed earlier leaves an empty targets file with
+    telemetry and detections, from which a replay makes the targets.
     """
 
     def __init__(
@@ -111,11 +113,11 @@ class Spans:
         return steps + self._take(record)
 
     def on_picture(self, picture: PictureRecord) -> list[Step]:
-        """Steps that follow from a picture: it is kept while a folder is open, and none is held in memory."""
+        """Steps that follow from a picture: it is kept while a folder is open. No picture is held in memory."""
         return [picture] if self._open else []
 
     def begin_anew(self, now_us: int) -> list[Step]:
-        """Steps after the open folder could not be written: begin another one if records are kept at present."""
+        """Steps after a failure to write the open folder: begin another one if records are kept at present."""
         self._open = False
         self._before.clear()
         self._before_bytes = 0

@@ -1,8 +1,8 @@
-"""Checks the times in recordings and logs: believable samples, and the part that is one flight on one clock. PURE.
+"""Checks the times in recordings and logs: finds plausible samples, and the part that is one flight on one clock. PURE.
 
-Autopilots' logs have no checksums, so that a flipped bit gives a sample another day. A recorder's wall clock may be set
-while it records (a board without a clock of its own, when it reaches the network). A replay runs through every second
-between two instants, so both must be found first. Our own recordings have one clock throughout.
+Autopilots' logs have no checksums, so a flipped bit can move a sample by days. A recorder's wall clock may be set while
+it records (a board without a clock of its own, when it reaches the network). A replay runs through every second between
+two instants, so both errors must be found first. The service's own recordings have one clock throughout.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ import msgspec
 from fwav_companion.recording.tlog import SkippedBytes, TlogRecord
 
 NEIGHBOURS: Final = 3
-"""Number on either side: a single damaged one is outvoted."""
+"""Number of compared neighbours on either side: a single damaged one is outvoted."""
 DISORDER_US: Final = 1_000_000
-"""The queues of a logger delay samples in the file by some tenths of a second."""
+"""Tolerated disorder of samples in a file: the queues of a logger delay them by some tenths of a second."""
 LONGEST_LOG_US: Final = 7 * 24 * 3600 * 1_000_000
-"""A time further from the median of a log is damage, whatever its neighbours say."""
+"""Distance from the median time of a log beyond which a time is damage, even if it agrees with its neighbours."""
 LONGEST_SILENCE_US: Final = 3600 * 1_000_000
-"""After a longer time without a message, another flight begins, or the clock was set forward."""
+"""Longest time without a message within a flight. After a longer one, another flight begins, or the clock was set
+forward."""
 LARGEST_STEP_BACK_US: Final = 2 * 1_000_000
-"""A larger step back means that the clock was set. After a smaller one, time stands still until the clock has passed
-it again."""
+"""Largest step back of a clock that was not set. After such a step, time is held until the clock has passed it
+again."""
 
 
 def timely(times_us: Sequence[int]) -> list[int]:
-    """Indices of the believable samples of one kind (given in file order), sorted by time.
+    """Indices of the plausible samples of one kind, sorted by time; ``times_us`` is in file order.
 
     A time before boot is damage.
     """
@@ -46,14 +47,16 @@ def timely(times_us: Sequence[int]) -> list[int]:
 
 
 def contradicted(times_us: Sequence[int]) -> set[int]:
-    """The indices of those, in file order, whose neighbours were written at quite another time."""
+    """Indices of the times that their neighbours in the file contradict."""
     if all(after - before >= -DISORDER_US for before, after in pairwise(times_us)):
         return set()  # nearly every file
     return {index for index in range(len(times_us)) if not _is_between_neighbours(times_us, index)}
 
 
 def _is_between_neighbours(times_us: Sequence[int], index: int) -> bool:
-    """Not before those that precede it nor after those that follow. Fewer than two on a side prove nothing."""
+    """Whether a time is not before its predecessors and not after its successors. Fewer than two on a side are
+    ignored.
+    """
     at_us, before = times_us[index], sorted(times_us[max(0, index - NEIGHBOURS) : index])
     after = sorted(times_us[index + 1 : index + 1 + NEIGHBOURS])
     is_early = len(before) > 1 and at_us < before[(len(before) - 1) // 2] - DISORDER_US
@@ -64,9 +67,9 @@ def _is_between_neighbours(times_us: Sequence[int], index: int) -> bool:
 def on_one_clock(
     items: Iterable[TlogRecord | SkippedBytes],
 ) -> tuple[list[TlogRecord], list[SkippedBytes], list[str]]:
-    """The records of the longest flight in a file with believable times, the damaged stretches, and notes on the rest.
+    """The records of the longest flight in a file with plausible times, the damaged stretches, and notes on the rest.
 
-    The notes say, by file offset, what was left out.
+    The notes name the parts that were left out, by file offset.
     """
     records: list[TlogRecord] = []
     skipped: list[SkippedBytes] = []
@@ -91,7 +94,7 @@ def on_one_clock(
 
 
 def settled(times_us: Sequence[int]) -> list[int]:
-    """The times in file order, each that its neighbours contradict replaced by the one before."""
+    """The times in file order. Each one that its neighbours contradict is replaced by the previous time."""
     instants = list(times_us)
     for index in sorted(contradicted(times_us)):
         instants[index] = instants[index - 1] if index else times_us[1]

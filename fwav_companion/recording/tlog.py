@@ -15,7 +15,8 @@ _STAMP = struct.Struct(">Q")
 _MAGICS = (0xFD, 0xFE)
 _V1_OVERHEAD, _V2_OVERHEAD, _SIGNATURE = 8, 12, 13
 LATEST_US = 4_102_444_800_000_000
-"""2100-01-01. A later time is damage. Early times are accepted: a board without a clock starts in 1970."""
+"""Latest plausible time, 2100-01-01: a later one is damage. Early times are accepted, because a board without a clock
+starts in 1970."""
 
 
 class TlogRecord(msgspec.Struct, frozen=True, gc=False):

@@ -25,9 +25,9 @@ class TruthPoint(msgspec.Struct, frozen=True):
     label: str
     place: Geodetic | None
     ned: Vector3 | None
-    """Metres, if the file has NED positions."""
+    """Position in NED, metres; None if the file has no NED positions."""
     time_unix: float | None
-    """None: the target is stationary."""
+    """Time, Unix seconds; None: the target is stationary."""
 
 
 def parse_truth(text: str, name: str) -> list[TruthPoint]:

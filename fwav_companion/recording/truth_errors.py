@@ -19,16 +19,16 @@ CONFIRMED = (TrackState.CONFIRMED, TrackState.COASTING)
 
 
 class TrackErrors:
-    """Errors of one confirmed track against the true target that it is nearest to at its end."""
+    """Errors of one confirmed track against the true targets of its label."""
 
     def __init__(self, label: str) -> None:
         self.label = label
         self.first_s = self.last_s = 0.0
         """First and last time, Unix seconds."""
         self.samples: dict[int, list[ErrorSample]] = {}
-        """By true target."""
+        """Errors by index of the true target, in order of time."""
         self.final: dict[int, ErrorSample] = {}
-        """The last error against each true target."""
+        """The last error against each true target, by its index."""
         self.major95_m = 0.0
         """Larger semi-axis of the last 95 % ellipse, metres."""
 
@@ -38,12 +38,12 @@ class TrackErrors:
         return min(self.final.values(), key=lambda sample: sample.error_m)
 
     def overlaps(self, other: TrackErrors) -> bool:
-        """Whether both were confirmed at one time."""
+        """Whether the two tracks were confirmed at the same time."""
         return self.first_s <= other.last_s and other.first_s <= self.last_s
 
 
 class ErrorTally:
-    """Horizontal errors by a targets file's lines: of single fixes, and of confirmed tracks."""
+    """Horizontal errors of single fixes and of confirmed tracks, from the lines of a targets file."""
 
     def __init__(self, points: Iterable[TruthPoint]) -> None:
         by_target: dict[str, list[TruthPoint]] = {}
@@ -94,7 +94,7 @@ class ErrorTally:
     # Summary.
 
     def summary(self) -> Line:
-        """Statistics of fixes and tracks, per label and over all; the state of each target; the count of ghosts."""
+        """Statistics of fixes and tracks, per label and in total; the state of each target; the number of ghosts."""
         found, ghosts = self._assigned()
         tracked = {
             index: [sample for number in numbers for sample in self._tracks[number].samples[index]]
@@ -110,16 +110,16 @@ class ErrorTally:
         }
 
     def targets(self) -> tuple[list[Line], int]:
-        """State and final error of each target, and the count of ghosts: the part of the summary that costs little."""
+        """State and final error of each target, and the number of ghosts: the part of the summary that is cheap."""
         found, ghosts = self._assigned()
         return [self._target(i, label, found.get(i, [])) for i, (label, _) in enumerate(self._targets)], ghosts
 
     def _assigned(self) -> tuple[dict[int, list[int]], int]:
-        """Tracks by true target, and the count of ghosts.
+        """Tracks by true target, and the number of ghosts.
 
-        The nearest pairs go first, one track a target at one time; a target that is not a track's nearest must lie
-        within its claim. A track that follows an earlier one of the same
-        target belongs to it too; one that is there at the same time is a ghost, as is one that is left over.
+        Pairs are assigned in order of distance. A target has one track at a time; a track that follows an earlier one
+        belongs to the same target. A target that is not the track's nearest must lie within the track's 99.9 % ellipse.
+        A track without a target is a ghost.
         """
         pairs = sorted(
             (sample.error_m, number, index)
@@ -170,7 +170,7 @@ def error_sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
 
 
 def _of_label(label: str, targets: Sequence[Line]) -> Line:
-    """State and final error of a label: of several targets the worst."""
+    """State and final error of a label: the worst of its targets'."""
     of_label = [each for each in targets if each["label"] == label]
     states = [each["state"] for each in of_label]
     state = next(each for each in ("missed", "fixed", "found") if each in states)

@@ -26,7 +26,7 @@ from fwav_companion.recording.tlog import SkippedBytes
 
 HEAD: Final = b"ULog\x01\x12\x35"
 HEAD_BYTES: Final = 3
-"""Of a message: its size (two bytes) and its kind (a letter)."""
+"""Length of a message's head: its size (two bytes) and its kind (a letter)."""
 TOPICS: Final = (
     "vehicle_attitude",
     "vehicle_angular_velocity",
@@ -45,10 +45,10 @@ def is_ulog(data: bytes) -> bool:
 
 
 def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
-    """The log's content, its end if that is not a whole message, and whether pyulog met damage before it.
+    """The log's content, its end if that is not a whole message, and whether pyulog met damage before the end.
 
-    PX4 writes a SYNC message every half second since v1.10, by which pyulog finds its way behind damage; it does not
-    give the place. UserError where the log cannot be read, or where pyulog is not installed.
+    Since v1.10, PX4 writes a SYNC message every half second, with which pyulog continues after damage; it does not
+    report the place. UserError where the log cannot be read, or where pyulog is not installed.
     """
     require(f"{path}: a PX4 log", "pyulog")
     from pyulog import ULog
@@ -68,27 +68,27 @@ def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
 
 
 class _ForwardFile(BytesIO):
-    """A file in memory that refuses to be read in circles.
+    """A file in memory that refuses to be read in an endless loop.
 
-    Where a damaged definition claims more bytes than the file has, pyulog 1.3 goes back by the claimed size, and so
-    never reaches the end. It reads each message's head by ``read(3)``, and the last definition's successor twice.
+    Where a damaged definition has a size beyond the file's end, pyulog 1.3 goes back by that size, and therefore never
+    reaches the end. It reads each message's head by ``read(3)``, and the head after the last definition twice.
     """
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)
         self._size = len(data)
         self._head_at = 0
-        """Of the head that was read last."""
+        """Position of the head that was read last."""
         self._lowest = 0
-        """The next head may not lie before this."""
+        """Lowest permitted position of the next head."""
 
     def rest(self) -> list[SkippedBytes]:
-        """The bytes behind the last whole message; still known after the file was closed."""
+        """The bytes after the last whole message; also available after the file was closed."""
         left = self._size - self._head_at
         return [SkippedBytes(self._head_at, left)] if left else []
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """The next bytes. ValueError if the head that is read lies before the present one, or is read a third time."""
+        """The next bytes. ValueError if a head lies before the present one, or is read for the third time."""
         if size == HEAD_BYTES:
             at = self.tell()
             if at < self._lowest:
@@ -98,7 +98,9 @@ class _ForwardFile(BytesIO):
         return super().read(size)
 
     def seek(self, offset: int, whence: int = 0, /) -> int:
-        """The new position. An absolute offset (appended data, a SYNC message) begins a new pass."""
+        """Move to an offset; returns the new position. An absolute offset (appended data, a SYNC message) begins a new
+        pass.
+        """
         if whence == SEEK_SET:
             self._lowest = 0
         return super().seek(offset, whence)
@@ -113,7 +115,7 @@ class _Rows:
     def rows(self, *names: str) -> Iterator[tuple[int, tuple[float, ...]]]:
         """(boot time in microseconds, values) of each finite row, by time. A name may have alternatives: ``a|b``."""
         logged, sampled = self._column("timestamp") or (), self._column("timestamp_sample")
-        # Drivers that do not know when they sampled leave 0, as those of real GPS receivers do.
+        # Drivers that do not know the sampling time leave 0, as those of real GPS receivers do.
         times = [int(sample or at_us) for at_us, sample in zip(logged, sampled or logged, strict=True)]
         columns = [self._column(name) for name in names]
         if any(column is None for column in columns):

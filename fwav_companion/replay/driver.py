@@ -27,15 +27,15 @@ from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
 MARGIN_NS = 60 * NS_PER_S
 REBOOT_MS = 1000
-"""Step back of the boot time that is a reboot; links reorder and clocks slip by less."""
+"""Step back of the boot time beyond which it is a reboot, ms: links reorder and clocks slip by less."""
 REBOOTED_NS = 30 * NS_PER_S
 """Time after a reboot within which the new clock is known: three stamps decide the reboot and ten begin the clock, at
-one in 2 s, slower than any telemetry that pairs frames."""
+one stamp in 2 s, slower than any telemetry that pairs frames."""
 AFTER_REBOOT = 10
-"""Frames in a row with earlier stamps that are of a new clock: a file may have a few that are out of order."""
+"""Number of consecutive frames with earlier stamps that show a new clock: a file may have a few out of order."""
 LARGE_OFFSET_S = 0.3
-"""[camera] time_offset_s beyond which a frame's own recorded arrival would refuse it as late: a replay has all the time
-there is, so the arrival is corrected too. Below, a replay gives what the flight gave."""
+"""[camera] time_offset_s beyond which a frame would be refused as late by its recorded arrival, s. A replay need not
+hurry, so the arrival is corrected too. Below, a replay has the same results as the flight."""
 
 
 def replay(
@@ -84,9 +84,10 @@ def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:
 
 
 def _config_for(recording: Recording, config: Config) -> Config:
-    """The configuration, for an autopilot's own log that of its one vehicle: there is no other to wait for.
+    """The configuration for the replay. For an autopilot's own log, it names the log's one vehicle, without a wait for
+    others.
 
-    Attitude stamps are exact there, without a delay.
+    Attitude stamps in such a log are exact, without a delay.
     """
     if not recording.exact_stamps:
         return config
@@ -115,7 +116,7 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
         else:
             pipeline.on_frame(event, now)
         yield
-    for frame in untold.frames:  # the log ended before: each at its own time, or they would crowd each other out
+    for frame in untold.frames:  # after the log's end: each at its own time, so that not too many wait at once
         now = max(now, pipeline.assumed_arrival(frame) or now)
         pipeline.on_frame(frame, now)
     pipeline.finish(now)
@@ -126,13 +127,13 @@ class BootFrames:
     """Frames on the autopilot's clock without an arrival time, in order of their captures."""
 
     def __init__(self, reboots: Sequence[HostNs]) -> None:
-        """``reboots``: the first message of each new clock."""
+        """``reboots``: instant of the first message of each new clock."""
         self.frames: deque[Frame] = deque()
         self._reboots = reboots
         self._last_ns = HostNs(0)
 
     def extend(self, frames: list[Frame]) -> None:
-        """Take the frames in the file's order, which only a clock without a reboot corrects."""
+        """Add frames in the file's order. Without a reboot they are sorted by their stamps."""
         if not self._reboots:
             frames.sort(key=lambda frame: frame.stamp_ns)
         self.frames.extend(frames)
@@ -147,8 +148,8 @@ class BootFrames:
             yield self.frames.popleft()
 
     def _is_of_the_next_clock(self, pipeline: Pipeline, now: HostNs) -> bool:
-        """Whether the next frame was captured after a reboot that the pipeline does not know yet: by the clock before,
-        the next captures lie before those of earlier frames. A late frame is the only one of these.
+        """Whether the next frame was captured after a reboot that the pipeline does not know yet: on the former clock
+        the next captures all lie before those of earlier frames. A late frame would be the only one to do so.
         """
         if not any(now < at + REBOOTED_NS for at in self._reboots):
             return False
@@ -195,8 +196,8 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: BootFrames) -> Ite
 
 
 def _reboots(recording: Recording) -> list[HostNs]:
-    """When the first attitude after each reboot came. Without one, the clock gives the order of frames; else only their
-    file does.
+    """Arrival of the first attitude after each reboot. Without a reboot, frames are ordered by their stamps, else by
+    their file.
     """
     reboots: list[HostNs] = []
     latest_ms: dict[int, int] = {}
@@ -212,9 +213,9 @@ def _reboots(recording: Recording) -> list[HostNs]:
 
 
 def _in_time(recording: Recording, time_offset_s: float) -> Iterator[Frame | NoFrame | Refused | RecordingEnd]:
-    """The entries of the detections; with a large offset of the stamps, arrivals are corrected by it too.
+    """The entries of the detections. With a large offset of the stamps, arrivals are corrected by the offset too.
 
-    Arrivals before their stamps remain: these stamps are of a clock that is ahead, and the frames came in time.
+    Arrivals before their stamps are not corrected: the clock of these stamps is ahead, and the frames came in time.
     """
     earlier_ns = ns_from_s(time_offset_s) if time_offset_s > LARGE_OFFSET_S else 0
     for entry in recording.frames:
@@ -233,8 +234,8 @@ def _is_ahead(frame: Frame) -> bool:
 def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
     """A function that limits an instant to a minute before the telemetry and later.
 
-    Frames before are useless whenever they came. Frames after it keep their times: the vehicle is lost to them as it
-    was in flight, and put at one instant they would crowd each other out.
+    Frames before that cannot be used, whatever their time. Frames after the telemetry keep their times: they are
+    refused for lack of a vehicle state as in flight, and at one instant too many of them would wait at once.
     """
     first_us = recording.messages[0][0] if recording.messages else 0
     first_ns = first_us * NS_PER_US - recording.unix_offset_ns

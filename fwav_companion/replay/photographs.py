@@ -131,10 +131,10 @@ def require_photograph_config(config: Config) -> None:
 
 
 def _config_for(poses: Sequence[PhotographPose], config: Config) -> Config:
-    """The configuration of a camera that is its own carrier: without mount and lever arm, and by the poses' sigmas.
+    """The configuration of a camera that is its own carrier: without mount and lever arm, with the poses' sigmas.
 
-    The least sigma of all rows is the bias that all pictures share. What a row has beyond it is its own
-    (:meth:`PhotographSource.take`), so that the claim of a single fix is that of its row.
+    The least sigma of all rows is the bias that all pictures share. The excess of a row's sigma belongs to its picture
+    alone (:meth:`PhotographSource.take`), so that the covariance of a single fix is that of its row.
     """
     least = _least_sigmas(poses, config)
     by_rows: dict[str, float] = {"mount_bias_deg": 0.0, "lever_arm_sigma_m": 0.0}
@@ -162,7 +162,9 @@ def _least_sigmas(poses: Sequence[PhotographPose], config: Config) -> tuple[floa
 
 
 def _sigmas(pose: PhotographPose, config: Config) -> tuple[float, float, float]:
-    """One sigma of position, height and attitude of a picture: its row's, else noise and bias of the configuration."""
+    """One sigma of position, height and attitude of a picture: from its row, else noise and bias of the
+    configuration.
+    """
     given = config.uncertainty
     attitude_deg = hypot(max(given.attitude_bias_deg, given.heading_bias_deg), given.attitude_noise_deg)
     by_config = (
@@ -183,7 +185,7 @@ def _origin(poses: Sequence[PhotographPose], config: Config) -> Geodetic:
 
 
 class UnixClock:
-    """Host clock and autopilot clock that are one."""
+    """Conversion between host clock and autopilot clock where both are Unix time."""
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """The same instant."""
@@ -198,7 +200,7 @@ class UnixClock:
         return 0.0
 
     def rate_at(self, host_ns: HostNs) -> float:  # noqa: ARG002
-        """1: the two are one."""
+        """1: both clocks are the same."""
         return 1.0
 
 
@@ -209,10 +211,10 @@ class PoseWorld:
 
 
 class PhotographSource:
-    """Source of the camera's state: the pose of the picture that was taken up last."""
+    """Source of the camera's state: the pose of the picture that :meth:`take` selected last."""
 
     def __init__(self, poses: Sequence[PhotographPose], origin: Geodetic, config: Config | None = None) -> None:
-        """``config``: without one the poses are only looked up."""
+        """``config``: None where poses are only looked up."""
         self.clock = UnixClock()
         self.world = PoseWorld()
         self.plane = TangentPlane(origin)
@@ -233,7 +235,7 @@ class PhotographSource:
         return near[1] if near is not None and abs(near[0] - time_s) <= SAME_TIME_S else None
 
     def take(self, frame: Frame) -> None:
-        """Take the picture of this frame."""
+        """Select the picture of this frame."""
         self._pose = self.pose_of(frame)
 
     def ready_for(self, boot_ns: BootNs) -> bool:  # noqa: ARG002
@@ -245,7 +247,7 @@ class PhotographSource:
         return Unpaired(Reason.NO_POSE)
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """The camera of the picture, in every row of it."""
+        """State of the camera in the selected picture, the same for every row."""
         pose = self._pose
         if pose is None or self._config is None:
             return Unpaired(Reason.NO_POSE)

@@ -21,14 +21,14 @@ from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
 LEAST_UNIX_NS = 10**18
-"""2001-09-09 since 1970; as a time since boot 31 years."""
+"""Least Unix time: 2001-09-09. As a time since boot it would be 31 years."""
 LAST_UNIX_S = 253_402_300_799
-"""End of the year 9999, the last that a date has here."""
+"""End of the year 9999, the last year of a date in Python."""
 MOST_APART_NS = NS_PER_S
-"""Time before the first message and after the last in which a frame may still be paired: by the longest interpolation,
-and what a buffered recording lacks at its end."""
+"""Time before the first message and after the last in which a frame may still be paired: the longest interpolation, and
+the part that a buffered recording lacks at its end."""
 FEW_DETECTIONS = 10
-"""Detections of which all may lie in the first pixel by chance: a thing in the corner of the image."""
+"""Number of detections that may all lie in the first pixel by chance: an object in the corner of the image."""
 
 
 class SkippedLine(msgspec.Struct, frozen=True):
@@ -45,15 +45,16 @@ class Recording(msgspec.Struct, frozen=True):
     """A recorded flight, on the clock of its telemetry's timestamps."""
 
     messages: Sequence[Timed]
-    """In file order, with times that never decrease."""
+    """Messages in file order, with times that never decrease."""
     frames: Sequence[Frame | NoFrame | Refused | RecordingEnd]
     """The lines of the detections, in file order."""
     unix_offset_ns: int
-    """Unix minus host, by the companion's recorded TIMESYNC requests; 0 without any: host time is then Unix time."""
+    """Unix minus host time from the companion's recorded TIMESYNC requests, ns; 0 without any: host time is then Unix
+    time."""
     own_system: int | None
     """System id of the recording companion; None if unknown."""
     kept: KeptCalibration | None = None
-    """Self-calibration of an earlier flight with which the recording began."""
+    """Self-calibration of an earlier flight from which the recorded service started."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches of the telemetry."""
     skipped_lines: Sequence[SkippedLine] = ()
@@ -61,11 +62,11 @@ class Recording(msgspec.Struct, frozen=True):
     notes: Sequence[str] = ()
     """Warnings to the user about the telemetry."""
     detection_notes: Sequence[str] = ()
-    """The same about the detections."""
+    """Warnings to the user about the detections."""
     exact_stamps: bool = False
     """Whether attitudes are stamped at sampling, not at transmission."""
     clock_rate: float = 1.0
-    """Rate of the autopilot's clock, as that of the telemetry."""
+    """Rate of the autopilot's clock, from the telemetry."""
 
 
 def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
@@ -101,9 +102,9 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
 
 
 def _later_and_later(telemetry: TelemetryRead, unix_offset_ns: int) -> list[str]:
-    """A note where arrivals alone show a slow clock: a queue that grows through the whole recording looks the same.
+    """A note where only arrivals show a slow clock: a queue that grows through the whole recording looks the same.
 
-    With the companion's own TIMESYNC requests in the recording their answers show the clock.
+    With the companion's own TIMESYNC requests in the recording, their answers show the clock.
     """
     messages, slow = telemetry.messages, 1.0 - telemetry.clock_rate
     if slow <= 0.0 or unix_offset_ns != 0:
@@ -114,7 +115,7 @@ def _later_and_later(telemetry: TelemetryRead, unix_offset_ns: int) -> list[str]
 
 
 def _other_times(messages: Sequence[Timed], entries: Sequence[object], unix_offset_ns: int) -> list[str]:
-    """A note where most frames came while no telemetry did: they are of another flight, or of a clock that is off."""
+    """A note where most frames came at times without telemetry: they are of another flight, or of a wrong clock."""
     came_ns = [
         entry.arrival_ns if entry.arrival_ns is not None else _host_stamp_ns(entry) for entry in _frames(entries)
     ]
@@ -141,7 +142,7 @@ def _span(first_ns: int, last_ns: int) -> str:
 
 
 def _shares(entries: Sequence[object]) -> list[str]:
-    """A note where every detection lies in the first pixel: detectors also give places as shares of the image."""
+    """A note where every detection lies in the first pixel: some detectors give positions as shares of the image."""
     places = [(each.u, each.v) for frame in _frames(entries) for each in frame.detections]
     if len(places) < FEW_DETECTIONS or not all(0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 for u, v in places):
         return []
@@ -155,10 +156,10 @@ def _frames(entries: Sequence[object]) -> Iterator[Frame]:
 def _by_boot_time_alone(
     entries: Sequence[Frame | NoFrame | Refused | RecordingEnd],
 ) -> list[Frame | NoFrame | Refused | RecordingEnd]:
-    """The entries beside an autopilot's own log, without the arrivals of frames with its boot time.
+    """The entries for an autopilot's own log, without the arrivals of frames that are stamped by its boot time.
 
-    They are of another computer's wall clock, which the log may lack (no UTC) or contradict. The end of that computer's
-    recording is on this clock too.
+    These arrivals are on another computer's wall clock, which the log may lack (no UTC) or contradict. The end of that
+    computer's recording is on this clock too.
     """
     on_boot = [entry for entry in entries if isinstance(entry, Frame) and entry.stamp_clock is StampClock.BOOT]
     if not on_boot:
@@ -174,7 +175,7 @@ def _by_boot_time_alone(
 def read_frames(
     data: bytes, clock: RecordingClock
 ) -> tuple[list[Frame | NoFrame | Refused | RecordingEnd], KeptCalibration | None, list[SkippedLine]]:
-    """The entries of the detections, the self-calibration with which they began, and the lines that are not frames."""
+    """The entries of the detections, the self-calibration at their beginning, and the lines that are not frames."""
     entries: list[Frame | NoFrame | Refused | RecordingEnd] = []
     kept: KeptCalibration | None = None
     skipped: list[SkippedLine] = []
@@ -195,7 +196,7 @@ def read_frames(
 def _kept(event: BeganWith) -> KeptCalibration | None:
     try:
         kept = msgspec.convert(event.calibration, KeptCalibration)
-    except msgspec.ValidationError:  # of another version: the replay estimates it again
+    except msgspec.ValidationError:  # from another version: the replay estimates it again
         return None
     return kept if kept.is_sound else None
 
@@ -212,17 +213,17 @@ def _first_autopilot(messages: Sequence[Timed]) -> int | None:
 
 
 def is_own(message: Message, own: frozenset[int], own_system: int | None) -> bool:
-    """Whether the recording companion sent the message: another vehicle's companion may have the same component id."""
+    """Whether the recording companion sent the message. Another vehicle's companion may have the same component id."""
     return message.component in own and own_system in (None, message.system)
 
 
 def _boot_is_unix(messages: Sequence[Timed]) -> bool:
-    """Whether the autopilot's clock counts from 1970, by its answers to TIMESYNC: PX4's simulators."""
+    """Whether the autopilot's clock counts from 1970 according to its TIMESYNC answers, as in PX4's simulators."""
     return any(message.name == "TIMESYNC" and message.fields.tc1 > LEAST_UNIX_NS for _, message in messages)
 
 
 def _unix_offset_ns(messages: Sequence[Timed], own: frozenset[int], own_system: int | None) -> int:
-    """Unix minus host by the first TIMESYNC request, which has the host clock in microseconds, with a nonce below."""
+    """Unix minus host time, ns, from the first TIMESYNC request: the host clock in microseconds, and a nonce below."""
     for unix_us, message in messages:
         if message.name == "TIMESYNC" and message.fields.tc1 == 0 and is_own(message, own, own_system):
             host_us: int = message.fields.ts1 // NS_PER_US

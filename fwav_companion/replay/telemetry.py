@@ -28,15 +28,15 @@ AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 
 ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION")
 PACE_US = 5_000_000
-"""Microseconds of attitudes of which the least delayed shows the pace: a radio delays messages by tenths of a
-second."""
+"""Length of a stretch whose least delayed attitude is used to measure the clock's rate, microseconds: a radio delays
+messages by tenths of a second."""
 LEAST_PACES = 5
-"""Stretches of PACE_US between which a pace is the autopilot's and no queue's: half a minute."""
+"""Least number of rates between stretches of PACE_US that show the autopilot's clock and not a queue: half a minute."""
 LEAST_DEPARTURE, PACE_SIGMAS = 2e-3, 4.0
-"""A pace is another one than a crystal's if it differs from 1 by more than both: three times what crystals do, and
-chance."""
+"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to differ from a crystal's: three
+times the range of crystals, and chance."""
 MEDIAN_SIGMA = 1.858
-"""One sigma of a median of Gaussians in median absolute deviations over sqrt(n): 1.4826 sqrt(pi / 2)."""
+"""One sigma of a median of Gaussians, in units of the median absolute deviation over sqrt(n): 1.4826 sqrt(pi / 2)."""
 
 Timed = tuple[int, Message]
 """(Unix microseconds, message)."""
@@ -46,7 +46,7 @@ class TelemetryRead(msgspec.Struct, frozen=True):
     """The telemetry of a recording."""
 
     messages: Sequence[Timed]
-    """In file order, with times that never decrease."""
+    """Messages in file order, with times that never decrease."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches."""
     notes: Sequence[str] = ()
@@ -76,9 +76,10 @@ def read_telemetry(data: bytes) -> TelemetryRead:
 
 
 def _clock_rate(messages: Sequence[Timed]) -> float:
-    """The rate of the autopilot's clock by the recorder's: 1 where it may be a crystal's.
+    """Rate of the autopilot's clock against the recorder's; 1 where it may be a crystal's.
 
-    The median over the least delayed attitudes of stretches in a row: a reboot or a gap spoils only its own pair.
+    The median over pairs of consecutive stretches, each with its least delayed attitude: a reboot or a gap spoils only
+    its own pair.
     """
     points = _least_delayed(messages)
     paces = [(to[1] - of[1]) * 1000 / (to[0] - of[0]) for of, to in pairwise(points)]
@@ -111,7 +112,7 @@ def _least_delayed(messages: Sequence[Timed]) -> list[tuple[int, int]]:
 def of_log(
     name: str, log: FlightLog, own: frozenset[int], skipped: Sequence[SkippedBytes], notes: Sequence[str]
 ) -> TelemetryRead:
-    """An autopilot's own log, as the messages that the autopilot would have sent. InputFileError with ``name``."""
+    """An autopilot's own log as the messages that the autopilot would have sent. InputFileError names ``name``."""
     if not log.attitudes:
         raise InputFileError(
             f"{name}: it has no readable attitude; accepted: a log of a whole flight, with {log.attitude_source}"

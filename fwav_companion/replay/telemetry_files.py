@@ -13,13 +13,13 @@ from fwav_companion.recording.ulog import is_ulog, read_ulog
 from fwav_companion.replay.telemetry import TelemetryRead, of_log, read_telemetry
 
 HEAD_BYTES = 256
-"""Leading bytes of a telemetry file that identify its kind."""
+"""Number of leading bytes of a telemetry file that identify its kind."""
 DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
-"""Beginning of an ArduPilot log that a tool converted to text; older ones have a line or two before."""
+"""Beginning of an ArduPilot log that a tool converted to text; older ones have a line or two before it."""
 PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\0": "xz", b"PK\x03\x04": "zip", b"BZh": "bzip2", b"(\xb5/\xfd": "zstd"}
 """Beginnings of compressed files, as logs are often passed on."""
 TIME_IN_MS = b"TimeMS,"
-"""In the descriptions of a log before TimeUS."""
+"""Time column in the message descriptions of a log from before TimeUS."""
 
 ACCEPTED = "accepted: a .tlog, .bin or .ulg recording"
 
@@ -44,7 +44,7 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
             raise InputFileError(f"{path}: compressed ({kind}); {ACCEPTED}, unpacked")
     data = load_tlog(path)
     telemetry = read_telemetry(data)
-    if data and not telemetry.messages:  # in megabytes of anything some bytes look like a record
+    if data and not telemetry.messages:  # in megabytes of any data some bytes look like a record
         raise InputFileError(
             f"{path}: no readable MAVLink message in its {len(data)} bytes, and it does not begin as a log does; "
             f"{ACCEPTED}"

@@ -16,8 +16,8 @@ from fwav_companion.tracking.filters.base import Filter
 def load_own_filter(config: Config, *, allow_code: bool, never_from: Iterable[Path]) -> Filter | None:
     """An instance of the configured class; None for a built-in filter. ConfigError if it cannot be loaded.
 
-    A configuration may come from another person with a recording: ``allow_code`` says that the user wants its code
-    to run. ``never_from``: the recording's files, from whose folders nothing is imported even so.
+    A configuration may come from another person together with a recording. Therefore its code runs only with
+    ``allow_code``. ``never_from``: the recording's files, from whose folders code is never imported.
     """
     if not config.tracking.is_own_filter:
         return None
@@ -40,7 +40,7 @@ def load_own_filter(config: Config, *, allow_code: bool, never_from: Iterable[Pa
 
 
 def _choose_folders(recorded: set[Path]) -> None:
-    """Make the working directory importable, and the folders of a recording not."""
+    """Add the working directory to the import path, and remove the folders of a recording from it."""
     here = str(Path.cwd())
     folders = [folder or here for folder in sys.path]
     if here not in folders:

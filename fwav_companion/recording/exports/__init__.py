@@ -1,6 +1,6 @@
 """Exports of a flight's targets for other tools: GeoJSON, KML, CSV. Pure: lines in, the bytes of a file out.
 
-Names are those of the report ("tag 19"), and every uncertainty is a 95 % one.
+Names are those of the report ("tag 19"). Every uncertainty is a 95 % interval or ellipse.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ MOST_POINTS: Final = 100_000
 
 
 class Ellipse95(msgspec.Struct, frozen=True):
-    """The ellipse that holds a target with 95 %."""
+    """The ellipse that contains a target with a probability of 95 %."""
 
     major_m: float
     """Larger semi-axis, metres."""
@@ -53,11 +53,11 @@ class ExportedTrack:
     def __init__(self) -> None:
         self.last: Line = {}
         self.path: list[tuple[float, float]] = []
-        """(latitude, longitude), degrees."""
+        """Points of the path: (latitude, longitude), degrees."""
         self._path_time = 0.0
 
     def add(self, line: Line, *, may_grow: bool) -> bool:
-        """Add the next line; True where the path grew."""
+        """Add the next line. Returns whether the path grew."""
         self.last = line
         moves = line["vel"] is not None and line["lat"] is not None
         if not (moves and may_grow) or (self.path and line["time_unix"] - self._path_time < PATH_EVERY_S):
@@ -101,7 +101,7 @@ class MapExport(Export):
             self._points += track.add(line, may_grow=self._points < MOST_POINTS)
 
     def tracks(self) -> Iterator[tuple[str, int, ExportedTrack]]:
-        """(name, track number, track), by number; the name has the number where several tracks share a label."""
+        """(name, track number, track), by number. The name contains the number where several tracks share a label."""
         labels = [track.last["label"] for track in self._tracks.values()]
         names, count = display_names(labels), Counter(labels)
         for number, track in sorted(self._tracks.items()):
@@ -123,7 +123,7 @@ class MapExport(Export):
 
 
 def utc_text(time_unix: float) -> str:
-    """ISO 8601 time, as far as the recording's clock was UTC; "" outside the calendar."""
+    """ISO 8601 time; it is UTC as far as the recording's clock was. "" for times outside the calendar."""
     try:
         return datetime.fromtimestamp(time_unix, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     except (OverflowError, ValueError, OSError):

@@ -30,13 +30,14 @@ COLUMNS = (
     *("ellipse95_major_m", "ellipse95_minor_m", "ellipse95_bearing_deg", "down95_m"),
     *("vel_north", "vel_east", "vel_down", "fix_north", "fix_east", "fix_down"),
 )
-"""``ellipse95``: semi-axes of the ellipse that holds the target with 95 %; ``down95_m``: half the 95 % interval."""
+"""Names of the columns. ``ellipse95``: semi-axes and bearing of the 95 % ellipse; ``down95_m``: half the vertical 95 %
+interval."""
 SIGMAS_95 = 1.96
 """Half width of the 95 % interval of one normal variable, in sigmas."""
 
 
 class CsvExport(Export):
-    """The table; null is an empty field."""
+    """A CSV table of the target lines; null is an empty field."""
 
     def __init__(self, path: PurePath) -> None:
         super().__init__(path)

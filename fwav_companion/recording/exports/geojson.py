@@ -13,7 +13,7 @@ from fwav_companion.recording.lines import Line
 
 
 class GeoJsonExport(MapExport):
-    """One FeatureCollection. Heights are properties: RFC 7946 has ellipsoid heights, ours are above mean sea level."""
+    """One FeatureCollection. Heights are properties: RFC 7946 has ellipsoid heights, these are above mean sea level."""
 
     def content(self) -> bytes:
         """The file after the last line."""
