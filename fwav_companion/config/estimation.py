@@ -115,7 +115,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     def priors(
         self, *, readout_known: bool, surveyed: bool, standing: bool = False, stream: bool = False
     ) -> ErrorPriors:
-        """The error priors in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`.
+        """The error priors in radians, metres and seconds, the biases in the order of :class:`Bias`.
 
         ``surveyed``: the ground is an elevation model. ``standing``: some labels have a height.
         ``stream``: pictures come as a stream.

@@ -176,7 +176,7 @@ class CameraPipeline:
         return self._reorder.tracker.landmarks or self._landmarks.unapplied
 
     def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
-        """Where the border of the newest picture meets the ground; empty without a recent picture."""
+        """Ground positions, NED, of the border of the newest picture; empty without a recent picture."""
         view = self._last_view
         if view is None or now - view.host_ns > FOOTPRINT_NS:
             return []

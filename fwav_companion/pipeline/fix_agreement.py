@@ -2,7 +2,7 @@
 
 Two fixes of a target at rest differ by their noise and by the parts of their biases that they do not share. The
 normalised square of that difference (2 degrees of freedom) exceeds 5.99 once in twenty pairs; where many pairs exceed
-it, an error is larger than [uncertainty] says. A label (with the detector's id, if it sends one) is used only where it
+it, an error is larger than [uncertainty] allows. A label (with the detector's id, if it sends one) is used only if it
 occurs once in a frame, so that two targets are not taken for one. The share and the median tolerate false detections in
 frames without the target.
 """

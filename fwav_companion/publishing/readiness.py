@@ -38,7 +38,7 @@ REFUSED_FIXES = {
     Reason.TOO_LATE: "send detections sooner after the picture",
     Reason.WRONG_SIZE: "use the image size of [camera] calibration",
 }
-"""What to do where a picture is refused."""
+"""Advice for each reason for which a picture is refused."""
 ASK_CHECK = "run `fwav-companion check`"
 NO_FIX = {
     Reason.NO_POSITION: (

@@ -59,7 +59,7 @@ class Frame(msgspec.Struct, frozen=True):
     exposure_s: float | None = None
     """Exposure time, seconds; None where the source does not report it."""
     picture: int | None = None
-    """Number of the picture in the service's own camera process, which keeps it for clicks; None for other sources."""
+    """Number of the picture that the service's own camera process keeps for clicks; None where it keeps none."""
 
 
 class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -245,7 +245,7 @@ class TrackReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PublishingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What is published."""
+    """Publishing: the selected track, and the messages of landing and maps."""
 
     selected: int | None = None
     """Selected track."""
