@@ -15,27 +15,28 @@ from fwav_companion.types.status import RunStatus
 
 ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 REACHED: Final = 0.85
-"""Of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
+"""Least share of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
 TOLERABLE_MOTION_HZ: Final = 10.0
-"""Attitudes a wing beat that the wanted rate is made of: "ten times the flapping, at least"."""
+"""Attitudes needed a wing beat: the wanted rate is at least ten times the flapping frequency."""
 LOOP_SHARE: Final = 0.8
-"""Of SCHED_LOOP_RATE: ArduPilot refuses a shorter interval."""
+"""Largest message rate as a share of SCHED_LOOP_RATE: ArduPilot refuses a shorter interval."""
 SMALL_TRIM_DEG: Final = 0.1
-"""The attitude noise that a configuration has by default."""
+"""Least pitch trim that is reported, degrees: the attitude noise that a configuration has by default."""
 TRIM_STAYS_ON: Final = 1 << 8
 """FLIGHT_OPTIONS bit 8 (ArduPlane): the pitch in ATTITUDE keeps the trim, and is then the true pitch."""
 SWING_MATTERS, SWING_UNKNOWN = 0.01, 0.5
-"""rad: below the first a vehicle needs no fast attitudes; at the second the stream does not show the swing."""
+"""Attitude swing, rad: below the first a vehicle needs no fast attitudes; at the second the stream does not show it."""
 LONG_ROUND_TRIP_S: Final = 0.05
-"""The bound on the clock is half of it: at 5 Hz and 5 deg of flapping 25 ms are 3 deg."""
+"""Round trip from which it is reported. It bounds the clock's error by its half: at 5 Hz and 5 deg of flapping, 25 ms
+are 3 deg."""
 POOR_SIGMA_S: Final = 0.005
 ANSWERED: Final = 0.5
-"""Of the requests: with fewer answers TIMESYNC does not work both ways."""
+"""Least share of TIMESYNC requests with an answer: with fewer, TIMESYNC does not work both ways."""
 NOTABLE_SKEW: Final = 2e-3
-"""Three times what two crystals and a clock discipline differ by."""
+"""Clock skew from which the clocks run at different rates: three times that of two crystals and a clock discipline."""
 LOOPBACK: Final = ("localhost", "::1")
 REBOOTED: Final = "reboot"
-"""In ``undone_by``: the rate was lost with a restart, and no other program took it."""
+"""Value in ``undone_by``: a restart lost the rate, and no other program took it."""
 
 
 def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:

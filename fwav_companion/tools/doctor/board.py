@@ -21,7 +21,7 @@ UNDERVOLTAGE_NOW, THROTTLED_NOW, UNDERVOLTAGE_SEEN = 1 << 0, 1 << 2, 1 << 16
 """Bits of get_throttled (Raspberry Pi documentation, vcgencmd)."""
 GLOBS: Final = ("ttyAMA*", "ttyS[0-9]*", "ttyUSB*", "ttyACM*", "serial[0-9]*", "ttyTHS*")
 USB_LEVELS: Final = 4
-"""From a tty up to the USB device with the ids: port, interface, device, and one more for a hub."""
+"""Folders from a tty up to the USB device with the ids: port, interface, device, and one more for a hub."""
 
 Access = Callable[[Path, int], bool]
 

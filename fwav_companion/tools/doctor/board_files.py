@@ -11,7 +11,7 @@ from typing import Final
 from fwav_companion.links.url import LinkUrl, SerialUrl, TcpUrl, UdpUrl, UnixUrl
 
 INODE_COLUMN: Final = 9
-"""Of /proc/net/udp and tcp (proc(5)); the second column is the local address and port, hexadecimal."""
+"""Column of the inode in /proc/net/udp and tcp (proc(5)); the second is the local address and port, hexadecimal."""
 
 
 class BoardFiles:

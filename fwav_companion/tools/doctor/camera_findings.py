@@ -11,9 +11,9 @@ from fwav_companion.types import NoRay
 from fwav_companion.types.status import RunStatus
 
 STALE_S: Final = 2.0
-"""Without a frame. The slowest cameras in use give five a second."""
+"""Longest time without a frame, seconds. The slowest cameras in use give five frames a second."""
 FIRST_FRAME_S: Final = 2.0
-"""After its start the service may wait this long for the first frame."""
+"""Longest time from the service's start to the first frame, seconds."""
 
 
 def file_findings(evidence: Evidence) -> Iterator[Finding]:

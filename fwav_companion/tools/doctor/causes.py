@@ -1,4 +1,4 @@
-"""Which findings follow from which: a root cause lists its consequences, so that the user mends one thing.
+"""Which findings follow from which: a root cause lists its consequences, so that the user repairs one thing.
 
 CAUSES is acyclic and ordered from the wire to the target. Findings of one link explain only those of the same link, and
 those of the vehicle where no other link brings its autopilot.
@@ -17,18 +17,18 @@ from fwav_companion.tools.doctor.finding import Finding, Level, by_level, worst
 SLOW: Final = frozenset(
     {"attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "above_horizon", "fixes_disagree"}
 )
-"""Attitudes that come too seldom or too late, and what wrong attitudes do to fixes."""
+"""Findings about attitudes that come too seldom or too late, and about the fixes that they spoil."""
 OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
-"""As an ERROR they are the mount's, however slow attitudes are."""
+"""Findings that, as an ERROR, are caused by the mount, however slow attitudes are."""
 CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
 BY_CLOCK: Final = frozenset({"from_the_future", "too_late"})
-"""What stamps by a clock in doubt look like."""
+"""Findings about frames whose stamps use an uncertain clock."""
 UNHEARD: Final = frozenset(
     {"no_autopilot", "autopilot_lost", "no_attitude", "no_position", "landmark_without_sights", *CLOCK, *SLOW}
 )
-"""Whatever the vehicle cannot do without its link."""
+"""Findings that follow where the vehicle's link is not heard."""
 UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", *CLOCK, *SLOW})
-"""Whatever the autopilot does not do while it ignores this service."""
+"""Findings that follow while the autopilot ignores this service."""
 UNSEEN: Final = frozenset({"no_camera", "no_detections", "stale_detections", "landing_label", "landmark_unseen"})
 UNUSED: Final = frozenset({"landing_label", "landmark_unseen", "fixes_disagree"})
 
@@ -74,7 +74,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "mount_in_radians": frozenset({"above_horizon", "fixes_disagree"}),
     "above_horizon": frozenset({"fixes_disagree"}),
 }
-"""By the code of a finding: the codes of those that follow from it."""
+"""Codes of the consequences of each finding, by its code."""
 
 
 def nested(findings: Sequence[Finding], evidence: Evidence) -> list[Finding]:

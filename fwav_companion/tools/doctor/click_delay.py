@@ -1,8 +1,8 @@
-"""The delay of an operator's video, by clicks in time with something that blinks. PURE.
+"""The delay of an operator's video, measured by clicks in time with a blinking object. PURE.
 
-A thing that the detector finds appears and disappears in an even rhythm before the camera: a lamp for ``color``, a tag
-on a telephone's screen. The operator sees it later, and clicks each time that it appears. People tap in time with an
-even rhythm: the mean of many taps is some hundredths of a second early, where a reaction to a single flash is 0.2 s
+An object that the detector finds appears and disappears in an even rhythm before the camera: a lamp for ``color``, a
+tag on a telephone's screen. The operator sees it later, and clicks each time that it appears. People tap in time with
+an even rhythm: the mean of many taps is some hundredths of a second early, but a reaction to a single flash is 0.2 s
 late (Repp 2005, Sensorimotor synchronization: a review of the tapping literature). So the delay is the phase of the
 clicks in the rhythm. It is known up to a whole period.
 """
@@ -24,15 +24,15 @@ ABSENT_S: Final = 0.15
 FEWEST_BLINKS: Final = 4
 FEWEST_CLICKS: Final = 6
 SHORTEST_S, LONGEST_S = 0.6, 4.0
-"""Periods of an even rhythm that people tap to: faster ones are too fast to click, with slower ones they wait."""
+"""Range of usable rhythm periods, seconds: people cannot click faster, and at a slower rhythm they wait and react."""
 UNEVEN: Final = 0.15
-"""Median deviation of a period as a share of it, from which a rhythm is not even."""
+"""Largest median deviation of the periods of an even rhythm, as a share of the period."""
 MOST_SCATTER_S: Final = 0.15
-"""Standard deviation of clicks from which they are not in time: 0.15 s is what [publish] video_delay_s tolerates."""
+"""Largest standard deviation of clicks in time with the rhythm: [publish] video_delay_s tolerates 0.15 s."""
 TAPPING_SIGMA_S: Final = 0.03
-"""One sigma of how early or late people tap on the mean."""
+"""One sigma of people's mean tapping error, early or late."""
 TOGETHER_S: Final = 0.25
-"""Clicks nearer to one another than this are one: a repeated command."""
+"""Clicks closer in time than this count as one: a repeated command."""
 
 
 class ClickDelay(msgspec.Struct, frozen=True):
@@ -40,10 +40,10 @@ class ClickDelay(msgspec.Struct, frozen=True):
 
     video_delay_s: float
     sigma_s: float
-    """One sigma, that of people's tapping included."""
+    """One sigma of the delay, including people's mean tapping error."""
     clicks: int
     period_s: float
-    """Of the blinking: the delay may be longer by whole periods."""
+    """Period of the blinking: the delay may be longer by whole periods."""
 
 
 class NoClickDelay(msgspec.Struct, frozen=True):
@@ -62,7 +62,7 @@ class Blinking:
         self._onsets: defaultdict[str, list[float]] = defaultdict(list)
 
     def add(self, at_s: float, labels: Iterable[str]) -> None:
-        """Take a frame by its capture; late ones are left out."""
+        """Add a frame by its capture time; frames out of order are left out."""
         if self._first_s is not None and at_s <= self._last_s:
             return
         for label in set(labels):
@@ -120,6 +120,6 @@ def rhythm_s(onsets: Sequence[float]) -> float | NoClickDelay:
 
 
 def _onset_before(onsets: Sequence[float], click: float, period_s: float) -> float:
-    """The last appearance before a click, by the rhythm where one was not seen."""
+    """The last appearance before a click; the rhythm replaces an appearance that was not seen."""
     last = max(onset for onset in onsets if onset < click)
     return last + (click - last) // period_s * period_s

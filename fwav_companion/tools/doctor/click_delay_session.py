@@ -1,4 +1,4 @@
-"""SHELL: ``check --click-delay``: runs the service while an operator clicks on what blinks."""
+"""SHELL: ``check --click-delay``: runs the service while an operator clicks on a blinking object."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from fwav_companion.types import Frame, Message, NoFrame, StampClock
 from fwav_companion.types.status import RunStatus
 
 WANTED_CLICKS: Final = 10
-"""Their mean is known to a third of one click's scatter: 0.02 s."""
+"""Clicks needed: their mean is known to a third of one click's scatter, 0.02 s."""
 TRACKING_COMMANDS: Final = frozenset({2004, 2005})
 """MAV_CMD_CAMERA_TRACK_POINT and _RECTANGLE."""
 
 
 class ClickDelaySession:
-    """Keeps when something appeared and when it was clicked."""
+    """Keeps the instants at which the object appeared and at which the operator clicked."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class ClickDelaySession:
         show: Callable[[str], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``time_offset_s``: of the frames' stamps. ``show``: displays what to do."""
+        """``time_offset_s``: offset of the frames' stamps. ``show``: displays instructions."""
         self._time_offset_s, self._show, self._now_s = time_offset_s, show, now_s
         self._ends_s = now_s() + wait_s
         self._blinking = Blinking()
@@ -62,7 +62,7 @@ class ClickDelaySession:
             self._clicks.append(self._now_s())
 
     def enough(self, _status: RunStatus, _telemetry: Telemetry) -> bool:
-        """Whether there are clicks enough, or the time is over; shows the next step."""
+        """Whether there are enough clicks, or the time is over; shows the next step."""
         clicks = len(distinct(self._clicks))
         rhythm = rhythm_s(self._blinking.onsets)
         if isinstance(rhythm, NoClickDelay):

@@ -13,14 +13,14 @@ from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 
 SHARE: Final = 0.05
-"""Of what came: a reason that costs less is normal in flight."""
+"""Least share of frames or detections that a reported reason costs: less is normal in flight."""
 MOST: Final = 0.5
 FEW: Final = 5
-"""Frames or detections: fewer refusals are not a pattern."""
+"""Least number of refused frames or detections that is a pattern."""
 PASSED: Final = 0.01
-"""Of the detections: a filter that passes fewer passes nothing."""
+"""Share of detections: a filter that passes no more than this passes nothing."""
 OLDER_S: Final = 0.02
-"""Growth of the least age over the windows: more than jitter leaves in a minimum of sixty frames."""
+"""Least growth of the minimum age over the windows, seconds: jitter leaves less in a minimum of sixty frames."""
 
 FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.MALFORMED: (
@@ -74,7 +74,7 @@ FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
         "a faster detector or a smaller image; check that the stamp is that of the capture",
     ),
 }
-"""Why whole frames are refused: level, what they are or do, and what to change."""
+"""Findings by the reason for which frames are refused: level, what these frames are or do, and what to change."""
 DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.NOT_FINITE: (Level.ERROR, "hold NaN or infinity", "send only finite numbers"),
     Reason.STALE_ATTITUDE: (
@@ -113,7 +113,7 @@ DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
         "check that DISTANCE_SENSOR arrives, and that the rangefinder looks down",
     ),
 }
-"""The same of single detections."""
+"""Findings by the reason for which single detections are refused, in the same form."""
 FILTERS: Final = (Reason.LOW_SCORE, Reason.OTHER_LABEL)
 SKYWARD: Final = (Reason.ABOVE_HORIZON, Reason.TOO_SHALLOW)
 

@@ -34,7 +34,7 @@ class SerialPort(msgspec.Struct, frozen=True, kw_only=True):
     mini_uart: bool = False
     """Whether it is a Raspberry Pi's second UART, whose baud rate follows the core clock."""
     others: tuple[str, ...] = ()
-    """Serial devices that are present, where this one is missing."""
+    """Serial devices that are present, if this one is missing."""
 
 
 class Folder(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,7 +52,7 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
     missing_mount: MissingMount | None = None
     """Mount point above the directory that is not mounted."""
     file_in_the_way: str = ""
-    """File where the directory, or one above it, must be; "" where there is none."""
+    """File in the place of the directory or of one above it; "" if there is none."""
 
 
 class Device(msgspec.Struct, frozen=True):
@@ -101,4 +101,4 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     board: Board
     files: Files
     status: RunStatus | None
-    """The service's status; None where the service was not listened with."""
+    """The service's status; None if `check` did not listen."""

@@ -45,7 +45,7 @@ def examine(evidence: Evidence, *, elsewhere: bool = False) -> list[Finding]:
 
 
 def _not_judged(status: RunStatus) -> Iterator[Finding]:
-    """What the time of listening was too short for is neither good nor bad."""
+    """Yield a note on the topics for which the time of listening was too short."""
     missing = list(_unmeasured(status))
     if missing:
         yield Finding(

@@ -54,7 +54,7 @@ def by_level(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def access_fix(device: str, group: str, *, usual: str, user: str) -> str:
-    """Return how a user gets access to a device. Membership of root's group is too much: ``usual`` gets the device."""
+    """Return how a user gets access to a device. Root's group would permit too much: the device then gets ``usual``."""
     member = f"sudo usermod -aG {usual if group in ('', 'root') else group} {user or '$USER'}, then log in again"
     if group not in ("", "root"):
         return member

@@ -1,4 +1,4 @@
-"""SHELL: reads the files that the configuration names, and the service's status: of a running service, or its own."""
+"""SHELL: reads the configured files, and the status of a running service or of one that it runs itself."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fwav_companion.tools.doctor.run_status import run_status
 from fwav_companion.types.status import RunStatus
 
 NOWHERE: Final = "/dev/null/status.json"
-"""No status file: `check` leaves nothing behind and needs no writable disk."""
+"""Path of the status file that is never written: `check` leaves nothing behind and needs no writable disk."""
 
 
 class HeardStatus(msgspec.Struct, frozen=True):
@@ -35,7 +35,7 @@ class HeardStatus(msgspec.Struct, frozen=True):
 
 
 def load_files(config: Config) -> tuple[Files, bytes | None]:
-    """Return the configured files, and the signing key apart from them: evidence goes into reports, a key never."""
+    """Return the configured files, and the signing key separately: evidence goes into reports, a key never does."""
     calibration: Calibration | None = None
     elevation: Sequence[ElevationTile] = ()
     key: bytes | None = None
@@ -70,7 +70,7 @@ def running_status(config: Config) -> HeardStatus | None:
 
 
 def _status_of(path: Path, config: Config) -> HeardStatus | None:
-    """Return a fresh status of a living process; None also where it is unreadable or of another version's form."""
+    """Return a fresh status of a living process; None also if it is unreadable or has another version's form."""
     try:
         written = msgspec.json.decode(content(path))
         typed = run_status(written)
@@ -99,7 +99,7 @@ def listen(config: Config, files: Files, signing_key: bytes | None, seconds: flo
 
 
 def quiet(config: Config) -> Config:
-    """Return the configuration without outputs that others act on or that are kept."""
+    """Return the configuration without outputs that other programs act on or that are kept."""
     replace = msgspec.structs.replace
     publish = replace(
         config.publish,

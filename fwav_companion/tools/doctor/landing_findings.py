@@ -1,8 +1,8 @@
 """LANDING_TARGET: does the autopilot use it, does it turn or move what this service sends, is the target ever seen.
 
 ArduPilot's AC_PrecLand assumes a camera's line of sight: it turns the vector by PLND_YAW_ALIGN and PLND_ORIENT, adds
-PLND_CAM_POS in the attitude of the measurement and takes its horizontal part off again in the newest one, and adds
-PLND_LAND_OFS. This service sends the vector from the vehicle to the target in body FRD: nothing is left to be turned.
+PLND_CAM_POS in the attitude of the measurement, subtracts its horizontal part in the newest attitude, and adds
+PLND_LAND_OFS. This service sends the vector from the vehicle to the target in body FRD: no rotation remains.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ WHERE: Final = "[publish] landing_target"
 MAVLINK_TYPE: Final = 1
 """PLND_TYPE: a companion computer that sends LANDING_TARGET."""
 ROTATION_DOWN: Final = 25
-"""PLND_ORIENT, ROTATION_PITCH_270: the one that AC_PrecLand does not turn by; the default."""
+"""PLND_ORIENT, ROTATION_PITCH_270: with this value AC_PrecLand does not turn the vector; the default."""
 FULL_TURN_CDEG: Final = 36_000.0
 SMALL_M: Final = 0.005
 FRAMES: Final = 20
-"""Frames without the landing label before it is missed."""
+"""Frames without the landing label before its absence is reported."""
 
 
 def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:

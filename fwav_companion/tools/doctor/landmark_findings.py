@@ -1,4 +1,4 @@
-"""Landmarks: does the filter use them, can they be seen from here, are they seen, do they agree with all else."""
+"""Landmarks: does the filter use them, can they be seen from here, are they seen, do they agree with other evidence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from fwav_companion.types.status import RunStatus
 
 WHERE: Final = "[[landmark]]"
 FAR_M: Final = 10_000.0
-"""Metres from the origin, beyond the range of a small vehicle; a degree too many or latitude for longitude is more."""
+"""Distance from the origin, metres, beyond the range of a small vehicle; an error of a degree, or latitude exchanged
+with longitude, is more."""
 FRAMES: Final = 20
 """Frames without its label before a landmark counts as not seen."""
 

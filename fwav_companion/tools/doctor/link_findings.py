@@ -1,4 +1,4 @@
-"""Links: is the device there and free, is it MAVLink that arrives, does enough of it arrive, is it believed."""
+"""Links: is the device there and free, does MAVLink arrive, does enough of it arrive, is it accepted."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fwav_companion.types.network_status import REQUESTS, LinkStatistics, PeerSt
 from fwav_companion.types.status import RunStatus
 
 LISTENED_S: Final = 2.0
-"""Silence is judged after this long: heartbeats come once a second."""
+"""Time of listening after which silence is judged, seconds: heartbeats come once a second."""
 GARBAGE_BYTES: Final = 500
-"""Fewer bytes that are not MAVLink may be a cable being plugged in, or a boot loader's greeting."""
+"""Bytes that are not MAVLink: fewer may come from plugging in a cable, or be a boot loader's greeting."""
 GARBAGE_SHARE: Final = 0.2
-"""Of the bytes. A line at the right baud rate loses single frames, never a fifth."""
+"""Share of the bytes that are not MAVLink. A line at the right baud rate loses single frames, never a fifth."""
 LOSS: Final = 0.02
-"""Share of the frames: beyond it, attitudes are missing where they are needed."""
+"""Largest share of lost frames: beyond it, attitudes are missing where they are needed."""
 LOSS_FRAMES: Final = 50
 FIRST_USERS_PORT: Final = 1024
-"""Ports below are for root (ip(7), CAP_NET_BIND_SERVICE)."""
+"""First port for users: lower ports are for root (ip(7), CAP_NET_BIND_SERVICE)."""
 
 COMMON_BAUDS: Final = "57600, 115200, 230400, 460800, 921600, 1500000"
 _LISTENING: Final = (

@@ -14,14 +14,15 @@ from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 
 APART: Final = 0.4
-"""Of the fixes beyond 95 % of [uncertainty]: at most 0.3 in the mock's healthy flights, at least 0.45 with a mount
-turned by 90 deg."""
+"""Share of fixes beyond the 95 % bound by [uncertainty] from which fixes disagree: it is at most 0.3 in the mock's
+healthy flights, and at least 0.45 with a mount turned by 90 deg."""
 APART_M: Final = 0.8
-"""Median: fixes that swing by a metre to each side."""
+"""Least median distance of fixes that disagree, metres: that of fixes that swing by a metre to each side."""
 RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
-"""An angle typed in radians is mostly a multiple of 15 deg, with four digits."""
+"""Step and tolerance of angles typed in radians: mostly a multiple of 15 deg, with four digits."""
 LONGEST_LEVER_M: Final = 5.0
-"""No small vehicle carries its camera that far from its reference point; 5 mm typed as metres is as long."""
+"""Longest plausible distance of the camera from the vehicle's reference point, metres; 5 mm typed as metres is as
+long."""
 
 
 def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -36,7 +37,7 @@ def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 
 def _gimbal(status: RunStatus) -> Iterator[Finding]:
-    """A camera on a gimbal that is configured as fixed gives fixes that are wrong without a word."""
+    """Yield a camera on a gimbal that is configured as fixed: its fixes are wrong without any message."""
     device_id = status.telemetry.gimbal_unused
     if device_id is not None:
         yield Finding(
@@ -64,7 +65,7 @@ def _radians(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _lever(evidence: Evidence) -> Iterator[Finding]:
-    """A position in millimetres or centimetres moves every target by metres, and no measurement contradicts it."""
+    """Yield a camera position in mm or cm: it moves every target by metres, and no measurement contradicts it."""
     position_m = evidence.config.camera.mount.position_m
     length_m = hypot(*position_m)
     if length_m >= LONGEST_LEVER_M:

@@ -1,4 +1,4 @@
-"""The JSON of a status file, as `check` reads it: another version may lack any part, or hold null in its place."""
+"""The JSON of a status file, as `check` reads it. Another version may lack any part, or have null in its place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ADOPTION_S: Final = 5.0
 MEASURED_S: Final = 5.0
 """Seconds after adoption until rates, clock and position can be judged: a window of 2 s, begun within a second."""
 UNJUDGED: Final = (("calibration",), ("publishing",), ("sight", "ground"), ("telemetry", "gimbal"))
-"""Paths of parts that `check` does not judge: another version's may have any form."""
+"""Paths of parts that `check` does not judge: in another version they may have any form."""
 
 
 def run_status(decoded: Any) -> RunStatus | None:

@@ -1,4 +1,4 @@
-"""SHELL: ``check --shake``: runs the service while a vehicle is shaken over a tag, and keeps what an estimate needs."""
+"""SHELL: ``check --shake``: runs the service while a vehicle is shaken over a tag, and keeps the estimate's inputs."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from fwav_companion.types import Corners, Detection, Frame, Message, NoFrame, Re
 from fwav_companion.types.status import RunStatus
 
 KEPT_S: Final = 120.0
-"""Of attitudes: longer than a person shakes."""
+"""Length of the attitude history, seconds: longer than a person shakes."""
 MOST_FRAMES: Final = 12_000
-"""A minute at 200 frames/s."""
+"""Most frames that are kept: a minute at 200 frames/s."""
 MOST_TAGS: Final = 8
-"""Kept of a frame, of the 256 detections that it may bring: a sheet of them. 80 MB at most."""
+"""Most tags that are kept of a frame, which may have 256 detections: a sheet of tags. 80 MB at most."""
 GOOD_CLOCK_S: Final = 0.003
-"""One sigma of the autopilot's clock with which the session may begin: it improves meanwhile."""
+"""Largest sigma of the autopilot's clock at which the session begins; it improves during the session."""
 
 Tag = tuple[str, int | None]
 """Label and detector's id: together they identify a tag."""
@@ -44,15 +44,15 @@ class ShakeResult(msgspec.Struct, frozen=True):
 
     advice: Instruction
     shaking: ShakeData | None
-    """None where the session never began."""
+    """Inputs of the estimate; None if the session never began."""
     refused: Mapping[Reason, int]
     """Frames that could not be placed in time."""
     time_offset_s: float = 0.0
-    """As configured: the estimate is added to it."""
+    """Configured time offset; the estimate is added to it."""
 
 
 class ShakeSession:
-    """Keeps the frames that count, and guides the person."""
+    """Keeps the frames that the estimate needs, and guides the person."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class ShakeSession:
             self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
 
     def on_message(self, _message: Message) -> None:
-        """Take no message: the telemetry has what counts."""
+        """Ignore the message: the telemetry has all that the estimate needs."""
 
     def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
         """Show the person the next step; return whether the session is over."""
@@ -95,7 +95,7 @@ class ShakeSession:
         return self.advice.phase in (ShakePhase.DONE, ShakePhase.FAILED)
 
     def result(self, tag_size_m: float) -> ShakeResult:
-        """Return everything that an estimate needs, by the clock as it is known now."""
+        """Return the inputs of the estimate, by the present clock estimate."""
         if self._telemetry is None or self.advice.phase is not ShakePhase.DONE:
             return ShakeResult(self.advice, None, {})
         pairer = make_pairer(self._config, self._calibration)
@@ -164,7 +164,7 @@ def shake(
     wait_s: float,
     show: Callable[[Instruction], None],
 ) -> ShakeResult:
-    """Run the service quietly until the vehicle was shaken enough; return what was heard."""
+    """Run the service quietly until the vehicle was shaken enough; return the inputs of the estimate."""
     from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
