@@ -28,7 +28,7 @@ NO_ANSWER: Final = {
     "not_confirmed": "It was detected too rarely, or detections did not agree: fly longer in view of the target.",
 }
 SMALL_M: Final = 0.03
-"""Causes below this are in no table, metres."""
+"""Least error of a cause that the tables show, metres."""
 WIDTH: Final = 40
 COLUMN: Final = 28
 """Width of a column of values: that of "12.34 m (10.00 to 14.00 m)"."""
@@ -49,14 +49,14 @@ def sentence(plan: StudyPlan, answer: StudyAnswer) -> str:
 
 
 def flights_words(plan: StudyPlan) -> str:
-    """What was flown."""
+    """The flights of a study in words."""
     if plan.preset == "paper":
         return "hovers at 10 m with 90 pictures each: the paper's case"
     return f"{PATTERN_WORDS[plan.pattern]}, {plan.seconds:g} s each"
 
 
 def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
-    """The table, and what follows from it."""
+    """The table and its conclusions."""
     for name, values in (("", [name for name, _ in columns(answer)]), *rows(answer)):
         yield f"{name:{WIDTH}}" + "".join(f"{value:>{COLUMN}}" for value in values)
     for reason, count in answer.configured.no_answer:
@@ -124,7 +124,7 @@ def share_words(value: IntervalEstimate) -> str:
 
 
 def calibration_rows(answer: StudyAnswer) -> Iterator[tuple[str, str, str]]:
-    """Status at the end, its number of flights, and what it means, with what most of these flights lacked."""
+    """Status at the end, number of flights, and meaning with the condition that most of these flights lacked."""
     for end in answer.calibration.ends if answer.calibration is not None else ():
         lacks = f" Most of these flights end with: {end.lacks}." if end.lacks else ""
         yield end.status, f"{end.flights}", f"{STATUSES.get(end.status, '')}{lacks}"
@@ -138,7 +138,7 @@ def as_object(plan: StudyPlan, answer: StudyAnswer, report: str, wrong: Sequence
 
 
 def wrong_lines(wrong: Sequence[FlightRecord], commands: Sequence[str]) -> Iterator[str]:
-    """The flights whose claims are wrong, with the lines that fly them alone."""
+    """The flights whose claims are wrong, with the command lines that repeat each of them alone."""
     if wrong:
         verb = "flight claims" if len(wrong) == 1 else "flights claim"
         yield f"{len(wrong)} {verb} an ellipse that is wrong beyond 99.9 %; each flies alone by:"
@@ -152,7 +152,7 @@ def cause_name(name: str) -> str:
 
 
 def change_words(cause: CauseAnswer) -> str:
-    """What flights without the cause gained, with its interval; empty where none was flown."""
+    """Change of the error without the cause, with its interval; empty if no flight without it was flown."""
     if cause.change_m is None or cause.with_m is None or cause.without_m is None:
         return ""
     ends = f"half of {cause.pairs} flights end within {length(cause.without_m)} instead of {length(cause.with_m)}"

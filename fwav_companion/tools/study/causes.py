@@ -12,7 +12,7 @@ class ErrorCause(msgspec.Struct, frozen=True):
     """One cause of error that lasts through a flight."""
 
     keys: tuple[str, ...]
-    """Keys of [uncertainty] whose sigmas state it; empty for the readout, which the configuration may state."""
+    """Keys of [uncertainty] for the sigmas of the cause; empty for the readout, which the configuration may state."""
     name: str
     remedy: str
     """What to change."""
@@ -40,7 +40,7 @@ CAUSES: Final[Mapping[str, ErrorCause]] = {
     ),
     "terrain": ErrorCause(("terrain_m",), "the height of the ground itself", "a better elevation model"),
 }
-"""By the names of the shares that the tracker reports."""
+"""Causes by the names of the shares that the tracker reports."""
 
 NOISES: Final[Mapping[str, ErrorCause]] = {
     "pixel_noise": ErrorCause(("pixel_noise_px",), "the noise of the detected pixel", "a finer detector or lens"),

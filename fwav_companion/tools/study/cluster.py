@@ -1,8 +1,8 @@
-"""SHELL: workers that fly: a Dask cluster of this machine, or a running one.
+"""SHELL: workers that fly the flights of a study: a Dask cluster on this machine, or a running one.
 
 The local cluster is one process a worker with one thread each, and listens on loopback alone, without a dashboard. A
-running cluster executes what it is sent: it belongs into a trusted network. A worker that dies costs the repetition of
-its own flights.
+running cluster executes any code that it is sent: it belongs into a trusted network. After a worker dies, its flights
+are repeated.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LOOPBACK: Final = "127.0.0.1"
 WAIT_S: Final = 10.0
 """Longest wait for a scheduler, and for its first worker, seconds."""
 AHEAD: Final = 3
-"""Flights in the queue for each worker: none waits for work, and Ctrl-C leaves little to cancel."""
+"""Flights in the queue for each worker: no worker waits for work, and Ctrl-C leaves little to cancel."""
 SETTINGS: Final[dict[str, Any]] = {
     "distributed.scheduler.allowed-failures": 3,
     "distributed.scheduler.work-stealing": True,
@@ -51,8 +51,8 @@ SETTINGS: Final[dict[str, Any]] = {
     "distributed.worker.memory.terminate": False,
     "distributed.comm.timeouts.connect": f"{WAIT_S:g}s",
 }
-"""Explicit, so that a user's own Dask configuration changes nothing here; TLS is taken from it. Dask's watch of
-itself, every 20 ms by default, took 3 % of each core."""
+"""Dask settings. They are explicit, so that a user's own Dask configuration changes nothing here, except TLS. Dask
+monitors itself every 20 ms by default, which took 3 % of each core."""
 
 Task: TypeAlias = tuple[Any, ...]
 """Arguments of one piece of work."""
@@ -70,7 +70,7 @@ class WorkersDiedError(CompanionError):
 
 
 class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
-    """Keeps on each worker what all its work shares: the plan, and the mock's process."""
+    """Keeps the shared state of all work of a worker: the plan, and the mock's process."""
 
     idempotent = True
 
@@ -81,7 +81,7 @@ class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
         self._state: Any = None
 
     def state(self) -> Any:
-        """The shared state. From then on the worker searches for garbage as rarely as the service: 6 % of a flight."""
+        """The shared state. Afterwards the worker collects garbage as rarely as the service: saves 6 % of a flight."""
         if self._state is None:
             self._state = self._make(*self._arguments)
             leave_the_rest_alone()
@@ -120,7 +120,7 @@ class Workers:
         self._client = client
         facts = _facts(client)
         self.count = sum(client.nthreads().values())
-        """Flights that are flown at once."""
+        """Number of flights that are flown at the same time."""
         self.environment = Environment(
             tuple(sorted({each["processor"] for each in facts.values()})),
             {name: ", ".join(sorted({each["wheels"][name] for each in facts.values()})) for name in _names(facts)},
@@ -222,7 +222,7 @@ def _connected(scheduler: str) -> Iterator[Client]:
 
 
 def _facts(client: Client) -> dict[str, dict[str, Any]]:
-    """What each worker is, by its address. UserError where one has another version of this package, or none."""
+    """Facts about each worker, by its address. UserError if one has another version of this package, or lacks it."""
     cloudpickle.register_pickle_by_value(worker_facts)
     try:
         facts: dict[str, dict[str, Any]] = client.run(worker_facts.worker_facts)

@@ -1,4 +1,4 @@
-"""The answer of a study from its records alone: errors, claims, calibration, what limits and what to change. PURE."""
+"""The answer of a study from its records alone: errors, claims, calibration, limits and what to change. PURE."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LEVELS: Final = (0.5, 0.9, 0.95, 0.999)
 
 
 class ClaimTest(msgspec.Struct, frozen=True):
-    """Whether claims hold: how many truths lie within the claimed ellipse of a probability."""
+    """Test of the claims at one probability: how many true positions lie within the claimed ellipses."""
 
     level: float
     inside: int
@@ -40,7 +40,7 @@ class ClaimTest(msgspec.Struct, frozen=True):
 
     @property
     def verdict(self) -> str:
-        """Holds | too narrow | too wide, where the interval excludes the probability."""
+        """Holds, or too narrow or too wide if the interval excludes the probability."""
         if self.share.low <= self.level <= self.share.high:
             return "holds"
         return "too narrow" if self.share.high < self.level else "too wide"
@@ -65,18 +65,18 @@ class CalibrationEnd(msgspec.Struct, frozen=True):
     status: str
     flights: int
     lacks: str
-    """What most of them lacked, as their last calibration line has it."""
+    """The condition that most of these flights lacked, by their last calibration line."""
 
 
 class CalibrationAnswer(msgspec.Struct, frozen=True):
-    """How soon self-calibration knew the camera."""
+    """How often and how soon self-calibration was calibrated."""
 
     share: IntervalEstimate
     """Share of flights that were calibrated at the end or before."""
     seconds: IntervalEstimate | None
-    """Median time until then, over these flights."""
+    """Median time until ``calibrated``, over these flights."""
     ends: tuple[CalibrationEnd, ...]
-    """The most frequent first."""
+    """Statuses at the end, the most frequent first."""
 
 
 class InstantAnswer(msgspec.Struct, frozen=True):
@@ -92,17 +92,17 @@ class InstantAnswer(msgspec.Struct, frozen=True):
 
 
 class CauseAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What a cause of error does, by the filter's own bias terms; and flown again without it, where it was.
+    """The error due to a cause, by the filter's own bias terms and, if flights without it were flown, by comparison.
 
     A noise has no bias term: its sigma is 0.
     """
 
     name: str
     sigma_m: float
-    """Root mean square over flights, one sigma, horizontal."""
+    """Horizontal error due to the cause, one sigma, root mean square over flights."""
     pairs: int = 0
     with_m: float | None = None
-    """Median error of the paired flights with it."""
+    """Median error of the paired flights with the cause."""
     without_m: float | None = None
     change_m: IntervalEstimate | None = None
     """Median of the paired differences, without minus with."""
@@ -131,18 +131,18 @@ class StudyAnswer(msgspec.Struct, frozen=True, kw_only=True):
     configured: ArmAnswer
     twice: ArmAnswer | None
     paper_filter: ArmAnswer | None
-    """The same flights by the paper's low-pass, in the paper's case."""
+    """The same flights with the paper's low-pass, in the paper's case."""
     over_time: tuple[InstantAnswer, ...]
     calibration: CalibrationAnswer | None
     causes: tuple[CauseAnswer, ...]
-    """The largest first."""
+    """Causes, the largest first."""
     curves: tuple[VariationAnswer, ...]
     wrong: tuple[FlightRecord, ...]
     """Flights as configured whose claim is wrong beyond 99.9 %."""
 
     @property
     def confirmed(self) -> list[CauseAnswer]:
-        """The causes that were flown again without, the largest improvement first."""
+        """The causes without which flights were repeated, the largest improvement first."""
         return sorted((each for each in self.causes if each.change_m is not None), key=_change)
 
 
@@ -182,7 +182,7 @@ def _errors(records: Sequence[FlightRecord]) -> list[float]:
 
 
 def _claim(level: float, answered: Sequence[FlightRecord]) -> ClaimTest:
-    """A claim's ellipse of a probability p is where the normalised square is below -2 ln(1 - p): 2 dof."""
+    """Test of the claims at a probability p: inside its ellipse, the normalised square is below -2 ln(1 - p), 2 dof."""
     squares = [record.normalised2 for record in answered if record.normalised2 is not None]
     inside = sum(square <= -2.0 * log(1.0 - level) for square in squares)
     return ClaimTest(level, inside, len(squares), share_of(inside, len(squares)))
@@ -213,7 +213,7 @@ def _over_time(plan: StudyPlan, records: Sequence[FlightRecord]) -> tuple[Instan
 
 
 def _quantile(ordered: Sequence[float], share: float) -> float:
-    """Linear between the values, as numpy's."""
+    """The quantile, by linear interpolation between the values as in numpy."""
     place = share * (len(ordered) - 1)
     below = int(place)
     above = min(below + 1, len(ordered) - 1)

@@ -1,4 +1,4 @@
-"""SHELL: runs a study to its end, keeps what is finished, and goes on where it was interrupted."""
+"""SHELL: runs a study to its end, keeps the finished flights, and resumes an interrupted study."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class FinishedStudy(msgspec.Struct, frozen=True, kw_only=True):
 def run_study(
     plan: StudyPlan, out: Path, workers: Workers, progress: StudyProgress, *, resume: bool = False
 ) -> FinishedStudy:
-    """Fly what is missing, and write the file. InputFileError where the folder cannot be written."""
+    """Fly the flights that are missing, and write the file. InputFileError if the folder cannot be written."""
     known = earlier_records(plan, out) if resume else []
     try:
         made_folder(out)
@@ -75,7 +75,7 @@ def run_study(
 
 
 def earlier_records(plan: StudyPlan, out: Path) -> list[FlightRecord]:
-    """The flights that an interrupted study kept in the folder. InputFileError where they are of another study."""
+    """The flights that an interrupted study kept in the folder. InputFileError if they belong to another study."""
     records = read_journal(out, plan)
     path = out / FILE
     if path.exists():
@@ -119,7 +119,7 @@ class StudyRun:
         )
 
     def _trouble_of(self, work: Callable[[], None], path: Path) -> str:
-        """Do the work; how it ended early, or empty."""
+        """Do the work; returns why it ended early, or an empty string."""
         try:
             work()
         except KeyboardInterrupt:

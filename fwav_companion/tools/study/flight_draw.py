@@ -34,12 +34,12 @@ FALSE_DETECTIONS: Final = 0.02
 """Mean number of false detections in a picture."""
 LATENCY_S: Final = 0.03
 MOST_LATENCY_S: Final = 0.4
-"""Time from a picture to its detections, seconds. No stamp is later than its arrival: late stamps come with as much
-more, four sigma of them also where sigmas are twice. Half a second later the pipeline refuses a picture."""
+"""Usual and longest time from a picture to its detections, seconds. No stamp is later than its arrival: late stamps add
+four sigma to this time, also if sigmas are doubled. The pipeline refuses a picture after half a second."""
 LONGEST_READOUT_S: Final = 0.075
 """Longest readout of an unknown camera, seconds: [camera] readout_s = "unknown"."""
 USUAL_POSITION_M: Final = 1.0
-"""True sigma of a position whose accuracy is "auto": the mock's receiver claims as much."""
+"""True sigma of a position whose accuracy is "auto", metres: the mock's receiver claims the same."""
 WANDER_TIMES_S: Final = (30.0, 1800.0)
 """Time constants of a position error that is "auto", log-uniform, seconds."""
 BIRD_PITCH_DEG: Final = 37.0
@@ -146,7 +146,7 @@ def _flown(plan: StudyPlan, index: int, varied: dict[str, Value], truth: Config)
 def _radius_m(plan: StudyPlan, values: dict[str, float], mount_pitch_deg: float) -> float:
     """A radius at which the target is in view: where the camera looks, between 15 and 45 degrees from straight down.
 
-    A figure eight, whose camera sees the target as it comes by, has 1.25 heights, a survey 1.5.
+    A figure eight, whose camera sees the target as it passes, has a radius of 1.25 heights, a survey 1.5.
     """
     height_m = values["height_m"]
     if plan.pattern in ("eight", "survey"):
@@ -158,7 +158,7 @@ def _radius_m(plan: StudyPlan, values: dict[str, float], mount_pitch_deg: float)
 def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Config, *, times: float) -> dict[str, Any]:
     """The mock's options of the flight, about a target near the flight centre. ``times``: true over configured sigmas.
 
-    A camera at a fixed height holds it, but for the error of that height, by which its target is higher or lower.
+    A camera at a fixed height holds it; the error of that height makes its target higher or lower.
     """
     is_fixed = truth.ground.model == "fixed"
     pattern, radius, speed, height = plan.pattern, flown["radius_m"], flown["speed_m_s"], flown["height_m"]
@@ -279,7 +279,7 @@ def _of_priors(plan: StudyPlan, index: int, truth: Config, times: float) -> dict
 
 
 def _paper() -> dict[str, Any]:
-    """What the paper fixes and no key states: the target's place, a still vehicle, 90 pictures."""
+    """The paper's values that no key states: the target's place, a still vehicle, 90 pictures."""
     north, east = TARGET_M
     return {
         "flight.offset_m": (0.0, 0.0),

@@ -15,7 +15,7 @@ PAIRED: Final = 40
 """Flights of each further arm: the first ones of the study, with the same draws but for one cause."""
 CONFIRMED_CAUSES: Final = 2
 LEAST_CAUSE_M: Final = 0.001
-"""Error below which a cause is not ranked, one sigma, metres: rounding leaves as much of a sigma that is zero."""
+"""Error below which a cause is not ranked, one sigma, metres: rounding makes a sigma of zero as large."""
 
 
 def further_flights(flights: int) -> int:
@@ -40,9 +40,9 @@ def configured_tasks(flights: int) -> list[tuple[int, str]]:
 
 
 def confirming_arms(plan: StudyPlan, records: Sequence[FlightRecord]) -> list[str]:
-    """The arms without the error of the first causes. The first flights alone rank: also where more are added.
+    """The arms without the error of the first causes. Only the first flights rank the causes, also if more are added.
 
-    The paper's case has no lasting error: its arms are those without one of its noises, and that of its filter.
+    The paper's case has no lasting error: its arms are those without one of its noises, and the one with its filter.
     """
     if plan.preset == "paper":
         return [PAPER_FILTER, *(f"{WITHOUT}{name}" for name in NOISES)]

@@ -1,4 +1,4 @@
-"""The record of one flight of a study: what was drawn, how far off the target was, what was claimed. PURE."""
+"""The record of one flight of a study: its drawn values, the target's errors, and the claimed errors. PURE."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DRAWN: Final = (
     "time_offset_s", "height_m", "position_sigma_m", "readout_s", "position_delay_s", "lever_x_m", "lever_y_m",
     "lever_z_m",
 )  # fmt: skip
-"""Drawn errors, estimate minus truth, and the true readout."""
+"""Names of the drawn errors, estimate minus truth, and of the true readout."""
 FLOWN: Final = ("height_m", "radius_m", "speed_m_s", "pitch_deg", "flap_hz", "flap_deg", "wind_m_s", "miss_rate")
 CAUSE_NAMES: Final = tuple(CAUSES)
 
@@ -32,9 +32,9 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     varied: dict[str, Value]
     """Values of the varied keys."""
     flown: dict[str, float]
-    """By the names of FLOWN."""
+    """Values by the names of FLOWN."""
     drawn: dict[str, float]
-    """By the names of DRAWN."""
+    """Values by the names of DRAWN."""
     state: str
     """found | fixed (fixes, but never confirmed) | missed."""
     no_answer: str
@@ -50,15 +50,15 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     errors_m: list[float | None] = []
     """Error at each of the instants of POINTS."""
     claims95_m: list[float | None] = []
-    """Claimed radius there."""
+    """Claimed radius at each of the instants of POINTS."""
     squares: list[float | None] = []
-    """Normalised square there."""
+    """Normalised square at each of the instants of POINTS."""
     calibrated_s: float | None = None
-    """When self-calibration knew delay and mount for the first time; None: never, or it was off."""
+    """Instant at which self-calibration first knew delay and mount; None if it never did or was off."""
     calibration: str = ""
     """Status of self-calibration at the end; empty where it was off."""
     calibration_lacks: str = ""
-    """What was missing then for ``calibrated``."""
+    """The condition that was missing for ``calibrated`` at the end."""
     ghosts: int = 0
     """Confirmed tracks that belong to no target."""
     frames: int = 0
@@ -66,7 +66,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Pictures in which the target was in view."""
     fixes: int = 0
     limits_m: dict[str, float] = {}
-    """One sigma by cause at the end, horizontal: what the target would lose if that cause were exactly known."""
+    """Horizontal error by cause at the end, one sigma: by so much it would shrink if that cause were exactly known."""
 
     @property
     def is_answered(self) -> bool:

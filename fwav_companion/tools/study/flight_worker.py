@@ -1,4 +1,4 @@
-"""SHELL: what a worker keeps between flights, the plan and the mock's process; and its work, one flight."""
+"""SHELL: the state that a worker keeps between flights (the plan and the mock's process), and its work, one flight."""
 
 from __future__ import annotations
 

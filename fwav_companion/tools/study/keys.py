@@ -1,4 +1,4 @@
-"""KEY of --set and --vary: a key of the configuration, or of the flight; what is drawn, what is claimed, or both.
+"""KEY of --set and --vary: a key of the configuration or of the flight, for the truth, the claim, or both.
 
 ``KEY`` sets both, ``truth.KEY`` only the sigma or value by which a flight is drawn, ``claim.KEY`` only the
 configuration with which it is replayed. PURE.
@@ -42,7 +42,7 @@ LIMITS: Final = {
 
 
 class Variation(msgspec.Struct, frozen=True):
-    """One --vary: a key with a range, drawn uniformly, or with choices, drawn alike often."""
+    """One --vary: a key with a range, drawn uniformly, or with choices, drawn equally often."""
 
     key: str
     low: float = 0.0

@@ -41,13 +41,13 @@ class MeasureComparison(msgspec.Struct, frozen=True, kw_only=True):
     change: float
     """Median of the paired differences of the distances from the ideal value, after minus before."""
     interval: tuple[float, float] | None
-    """95 % interval of that; None with too few pairs."""
+    """95 % interval of ``change``; None with too few pairs."""
     better: int
     worse: int
     p: float
-    """Sign test, two-sided."""
+    """p-value of the two-sided sign test."""
     p_holm: float
-    """The same, corrected for the number of settings."""
+    """p-value corrected for the number of settings."""
     got_worse: tuple[ChangedFlight, ...]
     """The flights that got worse, the most first."""
 

@@ -57,7 +57,7 @@ NOTES: Final = (
     ),
     "The low-pass starts at the first fix here. The paper's starts at zero, which draws its means toward the vehicle.",
 )
-"""What a reader of the paper asks of these figures."""
+"""Notes on these figures for a reader of the paper."""
 TARGET_M: Final = (4.0, -3.0)
 """North and east of the vehicle, whose heading is north."""
 

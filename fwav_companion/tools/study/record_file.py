@@ -52,7 +52,7 @@ FIELD_OF: Final = {"limit_m": "limits_m"}
 
 
 class Environment(msgspec.Struct, frozen=True):
-    """What the bytes of a study depend on besides the plan."""
+    """The inputs that, together with the plan, determine the bytes of a study's file."""
 
     processors: tuple[str, ...]
     """Models of the workers' processors, each once."""
@@ -94,7 +94,7 @@ def read_records(path: Path) -> tuple[list[FlightRecord], StudyPlan, Environment
 
 
 class FlightJournal:
-    """Finished flights, appended one by one: what survives a study that is interrupted."""
+    """Finished flights, appended one by one, so that they survive an interruption of the study."""
 
     def __init__(self, folder: Path, plan: StudyPlan) -> None:
         """Continue the journal in the folder. OSError."""

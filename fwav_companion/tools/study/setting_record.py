@@ -20,7 +20,7 @@ class Measure(msgspec.Struct, frozen=True):
     ideal: float = 0.0
 
     def distance(self, value: float) -> float:
-        """How far a value is from the ideal one."""
+        """Distance of a value from the ideal one."""
         return abs(value - self.ideal)
 
 
@@ -50,4 +50,4 @@ class SettingRecord(msgspec.Struct, frozen=True, kw_only=True):
     nis: float | None = None
     """Mean normalised innovation squared of confirmed tracks."""
     unanswered: float | None = None
-    """With a truth the share of true targets that were not found, else the share of detections without a fix."""
+    """Share of true targets that were not found; if the truth is unknown, the share of detections without a fix."""

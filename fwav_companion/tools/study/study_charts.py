@@ -24,7 +24,7 @@ from fwav_companion.tools.study.distributions import IntervalEstimate
 LEAST_M: Final = 0.001
 """Least error of a logarithmic axis, metres."""
 LEAST_RATIO: Final = 5.0
-"""Least ratio of its ends."""
+"""Least ratio of the ends of a logarithmic axis."""
 
 
 def over_time_chart(instants: Sequence[InstantAnswer], seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""A drawn flight, flown by the mock, replayed through the pipeline of the service: its record. PURE but for the mock.
+"""The record of a drawn flight that the mock flies and the service's pipeline replays. PURE but for the mock.
 
 ``record_of`` is a pure function of a draw and a flown recording.
 """
@@ -24,7 +24,7 @@ from fwav_companion.tools.study.mock_process import FlownFlight
 from fwav_companion.tools.study.study_plan import StudyPlan
 
 FEW_PICTURES = 3
-"""Fewest sights of a target that can be confirmed."""
+"""Fewest frames with a target that can be confirmed."""
 
 
 def fly_one(plan: StudyPlan, index: int, arm: str, fly: Callable[[dict[str, Any]], FlownFlight]) -> FlightRecord:
@@ -50,7 +50,7 @@ def start_s(flown: FlownFlight) -> float:
 
 
 class FlightAnswer:
-    """What a replay says of one true target, line by line."""
+    """Collects the output of a replay about one true target, line by line."""
 
     def __init__(self, truth: Sequence[TruthPoint], begun_s: float, seconds: float) -> None:
         self._tally, self._truth = ErrorTally(truth), Truth(truth)

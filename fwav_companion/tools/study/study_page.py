@@ -122,7 +122,7 @@ def _first_section(answer: StudyAnswer) -> str:
 
 
 def _reruns(answer: StudyAnswer) -> str:
-    """A paragraph for each cause that was flown again without."""
+    """A paragraph for each cause without which flights were repeated."""
     words = (
         "The same flights were flown again with the same random numbers, but without that one error, in truth and in "
         "the prior."
@@ -279,7 +279,7 @@ def _false_words(plan: StudyPlan) -> str:
 
 
 def _priors(plan: StudyPlan) -> str:
-    """The sigmas by which flights are drawn, and those that are claimed where they differ."""
+    """The sigmas by which flights are drawn, and the claimed sigmas if they differ."""
     drawn, claimed = plan.truth().uncertainty, plan.parsed(plan.claim_settings()).uncertainty
     names = drawn.__struct_fields__
     differs = any(getattr(drawn, name) != getattr(claimed, name) for name in names)
@@ -288,7 +288,7 @@ def _priors(plan: StudyPlan) -> str:
 
 
 def _prior(sigmas: UncertaintyConfig, name: str) -> str:
-    """The value of a key of [uncertainty]; of ``auto``, what is drawn."""
+    """The value of a key of [uncertainty]; for ``auto``, the drawn value."""
     value = getattr(sigmas, name)
     if value != "auto":
         return f"{value:g}"

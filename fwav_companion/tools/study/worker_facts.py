@@ -1,4 +1,4 @@
-"""What a worker is: its versions and its processor. Sent to workers by value: they may lack this package."""
+"""The versions and the processor of a worker. Sent to workers by value, because they may lack this package."""
 
 from __future__ import annotations
 
