@@ -25,35 +25,35 @@ from fwav_companion.tools.shake.residuals import (
 )
 
 HEADING_STEP: Final = radians(1.0)
-"""One sigma of the heading's change from knot to knot: what compasses do when they are turned by hand indoors."""
+"""One sigma of the heading's change from knot to knot: that of compasses turned by hand indoors."""
 LEVEL: Final = radians(0.5)
-"""One sigma of the slope of ground that people call level: 9 mm on a metre."""
+"""One sigma of the slope of ground that people call level, radians: 9 mm on a metre."""
 ROUNDS: Final = 20
-"""A rolling shutter, where the camera's own speed moves the rows, takes the most rounds."""
+"""Most rounds. A rolling shutter, where the camera's own speed moves the rows, takes the most."""
 SETTLED: Final = 0.02
-"""A round that moves no parameter by more sigmas than this is the last."""
+"""Largest step of a parameter in the last round, in sigmas."""
 SOLVED: Final = 1e-4
 """Relative tolerance of the sum of squares within a round; the rounds go on until they settle."""
 LARGEST_DELAY_CHANGE_S: Final = 0.2
 LARGEST_MOUNT_CHANGE: Final = 1.0
-"""From the coarse alignment, seconds and radians. A fit that leaves this range has diverged."""
+"""Largest changes from the coarse alignment, seconds and radians. A fit that leaves this range has diverged."""
 FIRST_NOISE_PX: Final = 0.3
-"""Of a corner, before the residuals are known."""
+"""One sigma of a corner before the residuals are known."""
 DAMPED: Final = 4.0
-"""Scale of the Cauchy weights in sigmas: a corner on a finger, a blur."""
+"""Scale of the Cauchy weights in sigmas. They reduce the effect of outliers: a corner on a finger, a blur."""
 FREE_PER_FRAME: Final = 5.0
-"""Degrees of freedom: eight pixel coordinates of four corners, less the camera position."""
+"""Degrees of freedom of a frame: eight pixel coordinates of four corners, less the camera position."""
 FREE_PER_UNKNOWN: Final = 4
-"""Least degrees of freedom by unknown: with fewer frames the unknowns would follow the noise."""
+"""Least degrees of freedom for each unknown: with fewer frames the unknowns would follow the noise."""
 MEDIAN_OF_CHI2: Final = 4.35
-"""Of five degrees of freedom."""
+"""Median of the chi-square distribution with five degrees of freedom."""
 MEMORY_S: Final = 0.5
 """Correlation time of the corners' errors: they depend on how the tag lies in the image."""
 BLOCK: Final = 256
 """Frames that are multiplied with their neighbours at once."""
 ROLLED: Final = 1.25
-"""Under a rolling shutter the speeds couple the frames: over 60 sessions the error of the mount's yaw was this times
-what the residuals claim."""
+"""Factor on the sigmas under a rolling shutter, where the speeds couple the frames: over 60 sessions, the error of the
+mount's yaw was this multiple of the claim by the residuals."""
 
 
 class FitStart(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,7 +64,7 @@ class FitStart(msgspec.Struct, frozen=True, kw_only=True):
     """(3, 3) rotation."""
     readout_s: float
     readout_sigma_s: float
-    """0: it is known."""
+    """One sigma of the readout, seconds; 0 if it is known."""
     attitude_noise: float
     """One sigma of each attitude about each axis, radians."""
 
@@ -77,9 +77,9 @@ class CornerFit(msgspec.Struct, frozen=True, kw_only=True):
     """(3, 3) rotation."""
     readout_s: float
     sigmas: Floats
-    """(4,) of the delay in seconds, then of the mount about each body axis in radians."""
+    """(4,) sigmas: of the delay in seconds, then of the mount about each body axis in radians."""
     pixel_sigma: float
-    """Of a corner, one axis, as estimated."""
+    """Estimated sigma of a corner, one axis, pixels."""
     frames: int
     """Number of frames with known attitudes."""
 
@@ -145,7 +145,7 @@ class WhitenedCorners:
         return self._at.motion.known
 
     def relinearize(self, step: Floats) -> None:
-        """Move the linearization point by a step, and take whitening, noise and weights there."""
+        """Move the linearization point by a step, and compute whitening, noise and weights there."""
         self._at = self._moved(step)
         self.parameters, self._step = self.parameters.moved(step), np.zeros(len(step))
         self._reweight()
@@ -170,7 +170,7 @@ class WhitenedCorners:
         return np.concatenate([whitened, self._prior_rows @ self._from_prior(step)])
 
     def jacobian(self, step: Floats) -> Floats:
-        """Their derivatives by the step."""
+        """Derivatives of the whitened residuals by the step."""
         by_step = (self._whitening @ self._moved(step).jacobian).reshape(-1, len(step))
         return np.concatenate([by_step, self._prior_rows])
 
@@ -223,9 +223,9 @@ def _prior_rows(start: FitStart, knots: int) -> Floats:
 
 
 def _whitening(at: CornerResiduals, attitude_noise: float) -> Floats:
-    """(N, 8, 8) maps to unit corner noise that count the attitude's noise and project the camera position out.
+    """(N, 8, 8) maps to unit corner noise that include the attitude's noise and project the camera position out.
 
-    ``attitude_noise``: radians by pixel of corner noise.
+    ``attitude_noise``: attitude noise over corner noise, radians per pixel.
     """
     by_attitude = at.jacobian[:, :, MOUNT] * attitude_noise
     scale = np.linalg.cholesky(np.eye(8) + by_attitude @ np.swapaxes(by_attitude, 1, 2))

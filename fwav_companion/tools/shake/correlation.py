@@ -1,11 +1,11 @@
 """Lags and axes by correlation: camera turns against attitude turns, and attitude turns against transmitted rates.
 
-Between two frames the tag turns in the camera as the body turns by the autopilot's attitude, seen from other axes:
+Between two frames, the tag's turn in camera axes equals the body's turn by the autopilot's attitude, in other axes:
 
     turn in the camera = camera_from_body * turn of the body
 
-So at any delay the best orthogonal matrix between the two (Kabsch 1976) says how well they correlate. The delay is
-the one with the largest correlation. The matrix there has reversed and exchanged axes as they are. No prior value of
+So at any delay the best orthogonal matrix between the two (Kabsch 1976) shows how well they correlate. The delay is
+the one with the largest correlation. The matrix at this delay includes reversed and exchanged axes. No prior value of
 delay or mount is needed.
 """
 
@@ -27,14 +27,14 @@ Indexes: TypeAlias = NDArray[np.intp]
 
 EARLIEST_S: Final = -0.2
 LATEST_S: Final = 0.5
-"""Range of delays: a frame that came half a second after its capture would be refused as too late."""
+"""Largest delay: a frame that arrives half a second after its capture would be refused as too late."""
 STEP_S: Final = 0.005
-"""A twentieth of the fastest wing beat's quarter; the least-squares fit finds the rest."""
+"""Step between delays: a twentieth of the fastest wing beat's quarter; the least-squares fit refines the delay."""
 LEAST_APART_S: Final = 0.08
 MOST_APART_S: Final = 0.25
-"""Time between two frames that are compared: long enough for a hand to turn by more than a corner's noise."""
+"""Bounds of the time between two compared frames: long enough for a hand to turn by more than a corner's noise."""
 LEAST_PAIRS: Final = 30
-"""A second of frames."""
+"""Least number of pairs: a second of frames."""
 RIVAL_APART_S: Final = 0.06
 """Delays closer to one another than this belong to the same peak."""
 SURE: Final = 5.0
@@ -49,7 +49,7 @@ LAGS_S: Final = np.arange(-0.02, 0.0605, 0.001)
 WIDEST_GAP_S: Final = 0.1
 LEAST_SAMPLES: Final = 100
 LEAST_RATE: Final = 0.15
-"""rad/s, RMS; slower turns do not show a lag above the noise of attitudes."""
+"""Least RMS rate, rad/s: slower turns do not show a lag above the noise of attitudes."""
 MOST_LAG_SIGMA_S: Final = 0.005
 """A rate lag with a larger sigma is not reported."""
 PARTS: Final = 10
@@ -64,9 +64,9 @@ class CoarseAlignment(msgspec.Struct, frozen=True):
 
     delay_s: float
     correlation: float
-    """At that delay: 1 if the turns are equal but for the axes, 0 if they are unrelated."""
+    """Correlation at the delay: 1 if the turns are equal but for the axes, 0 if they are unrelated."""
     rival_correlation: float
-    """The largest one outside that peak. Periodic shaking correlates one period later, too."""
+    """Largest correlation outside the peak of the delay. Periodic shaking correlates one period later, too."""
     camera_from_body: Floats
     """(3, 3) orthogonal; the determinant is -1 where an axis of one side is reversed against the other."""
     handed: bool
@@ -120,7 +120,7 @@ def _pairs(times_s: Floats) -> tuple[Indexes, Indexes]:
 def _body_turns(
     times_s: Floats, first: Indexes, second: Indexes, delays_s: Floats, attitudes: AttitudeSeries
 ) -> list[tuple[Floats, Flags]]:
-    """By delay: (P, 3) rotation vectors of the body over the same pairs, and (P,) whether they are known."""
+    """For each delay: (P, 3) rotation vectors of the body over the pairs, and (P,) whether they are known."""
     begin_s = times_s[0] - LATEST_S
     grid_s = np.arange(begin_s, times_s[-1] - EARLIEST_S + STEP_S, STEP_S)
     ned_from_body, known = attitudes.at(grid_s)
@@ -134,7 +134,7 @@ def _body_turns(
 
 
 def _correlation(seen: Floats, turned: Floats, known: Flags) -> tuple[float, Floats]:
-    """How well the best orthogonal matrix maps the body's turns to the camera's, and their (3, 3) cross products."""
+    """Correlation of camera and body turns after the best orthogonal matrix, and their (3, 3) cross products."""
     seen, turned = seen[known], turned[known]
     if len(seen) < len(known) / 2:
         return 0.0, np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""The estimate of ``check --shake``: from corners and attitudes to delay, mount, sign errors, and what is not shown.
+"""The estimate of ``check --shake``: delay, mount and sign errors from corners and attitudes, and what is not shown.
 
 Steps: rate lag, tag poses, coarse alignment, sign errors, corner fit, and the judgement of its sigmas.
 """
@@ -31,19 +31,20 @@ from fwav_companion.tools.shake.sign_errors import CORNER_ORDER, NEAR, RATES, TU
 from fwav_companion.types import AttitudeSample, Lens
 
 LEAST_FRAMES: Final = 150
-"""Five seconds of a common camera."""
+"""Least number of frames: five seconds of a common camera."""
 LEAST_SIDE_PX: Final = 24.0
-"""Three pixels a module of an AprilTag. The tilt of a smaller square drowns in the noise of its corners."""
+"""Shortest usable side of the tag: three pixels a module of an AprilTag. The noise of the corners hides the tilt of a
+smaller square."""
 MOST_PIXEL_SIGMA: Final = 2.0
-"""Of a corner. A detector that finds corners at all is better."""
+"""Largest sigma of a corner, pixels. Any detector that finds corners is better."""
 LEAST_CORRELATION: Final = 0.4
 """Below this the camera's turns and the attitude's are unrelated. Noise alone reaches 0.2."""
 AS_GOOD: Final = 0.98
 """A second delay whose correlation is this share of the best one's is as good."""
 LEAST_HEADING_CHANGE: Final = radians(60.0)
-"""Of what the user was asked to turn, 90 deg."""
+"""Least change of heading, radians, of the 90 deg that the user was asked to turn."""
 LEAST_TURNED: Final = radians(0.5)
-"""RMS between two frames a tenth of a second apart: slower than 5 deg/s is not shaking."""
+"""Least turn between two frames a tenth of a second apart, RMS, radians: less than 5 deg/s is not shaking."""
 MOST_DELAY_SIGMA_S: Final = 0.005
 MOST_MOUNT_SIGMA: Final = radians(0.5)
 """Estimates with larger sigmas are not reported: the priors of [uncertainty] are 10 ms and 1 deg."""
@@ -60,7 +61,7 @@ class ShakeData(msgspec.Struct, frozen=True, kw_only=True):
     """Attitudes as received, for the lag of their rates."""
     lens: Lens
     body_from_camera: Matrix3
-    """As configured."""
+    """Configured mount."""
     tag_size_m: float
     readout_s: float
     readout_sigma_s: float
@@ -87,18 +88,18 @@ class ShakeEstimate(msgspec.Struct, frozen=True, kw_only=True):
     side_px: float = 0.0
     """Shortest side of the tag in the image, median."""
     distance_m: float = 0.0
-    """From the camera to the tag, median, by the tag's size."""
+    """Distance from the camera to the tag by the tag's size, median, metres."""
     heading_change: float = 0.0
-    """Between the headings of the session, radians."""
+    """Largest difference between headings of the session, radians."""
     rates_rms: Vector3 = (0.0, 0.0, 0.0)
-    """Rates of the body about its axes, rad/s."""
+    """RMS rates of the body about its axes, rad/s."""
     correlation: float = 0.0
-    """Of the camera's turns and the attitude's, 0 to 1."""
+    """Correlation of the camera's turns and the attitude's, 0 to 1."""
     pixel_sigma: float | None = None
-    """Of a corner, one axis."""
+    """One sigma of a corner, one axis, pixels."""
     sign_errors: tuple[SignError, ...] = ()
     not_shown: tuple[str, ...] = ()
-    """What could not be estimated, and why."""
+    """Parameters that could not be estimated, and why."""
     delay: WithSigma | None = None
     """Difference from the configured delay, seconds."""
     mount: tuple[WithSigma, WithSigma, WithSigma] | None = None
@@ -228,7 +229,7 @@ def _mount_not_shown(sigmas: Sequence[float], heading_change: float) -> list[str
 
 
 def _heading_change(observations: TagObservations, attitudes: AttitudeSeries) -> float:
-    """Between the headings of the tenth and of the ninetieth percentile, radians."""
+    """Difference between the tenth and the ninetieth percentile of the headings, radians."""
     ned_from_body, known = attitudes.at(observations.times_s)
     if not known.any():
         return 0.0

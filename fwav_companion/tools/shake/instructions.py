@@ -1,4 +1,4 @@
-"""Instructions to the person who holds the vehicle, from what has been received, a few times a second."""
+"""Instructions to the person who holds the vehicle, from the data received so far, a few times a second."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fwav_companion.geometry.vectors import Vector3
 HALF_S: Final = 10.0
 """Seconds of shaking before the turn by 90 deg, and again after it."""
 PATIENCE_S: Final = 20.0
-"""Extra seconds for a turn that has not been made when the time is over."""
+"""Extra seconds for a turn that is not complete when the time is over."""
 TURNED: Final = radians(60.0)
 SIDE_S: Final = 4.0
 """Least seconds of shaking on each side of the turn."""
@@ -21,7 +21,7 @@ SLOWEST_HZ: Final = 20.0
 """Attitude rate; a slower one does not show a hand's motion."""
 SOON_S: Final = 4.0
 NARROW: Final = radians(5.0)
-"""After SOON_S, a smaller swing in roll or pitch is asked to be wider."""
+"""Least swing in roll or pitch, radians: after SOON_S, the person is asked to swing wider."""
 GONE_S: Final = 2.0
 """Seconds without the tag before it is reported as lost."""
 
@@ -36,7 +36,7 @@ class ShakePhase(StrEnum):
 
 
 class ShakeInputs(msgspec.Struct, frozen=True, kw_only=True):
-    """What has been received so far."""
+    """Summary of the data received so far."""
 
     now_s: float
     closed: str = ""
@@ -53,15 +53,15 @@ class ShakeInputs(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Instruction(msgspec.Struct, frozen=True):
-    """What to do now, and the progress."""
+    """The instruction of the moment, and the progress."""
 
     phase: ShakePhase
     text: str
-    """What to do, or what is missing."""
+    """The instruction, or the missing input."""
     share: float = 0.0
     """Completed share of the shaking."""
     left_s: float | None = None
-    """Seconds to go on with it; None: until its effect is seen."""
+    """Remaining time of this instruction, seconds; None: until its effect is seen."""
     corners: int = 0
     """Number of corners so far."""
     swung: tuple[float, float] = (0.0, 0.0)

@@ -23,22 +23,22 @@ AttitudeAt: TypeAlias = Callable[[BootNs], Quaternion | None]
 """ned_from_body at an instant of the autopilot's clock; None where it is not known."""
 
 RATE_REACH_S: Final = 0.015
-"""Seconds to both sides of an instant over which a rate is taken. Attitudes err by 0.1 deg each, so that rates over
-30 ms err by 5 deg/s, and not by 14 as those of one interval at 100 Hz do. A wing at 5 Hz loses a thirtieth of its
-rate."""
+"""Time on both sides of an instant over which a rate is computed, seconds. Attitudes err by 0.1 deg each: rates over
+30 ms err by 5 deg/s, but rates over one interval at 100 Hz by 14. A wing at 5 Hz loses a thirtieth of its rate."""
 WIDEST_ANGLE: Final = radians(80.0)
-"""From the optical axis. Beyond it a corner has no place on a plane in front of the camera, and no lens is known
-well."""
+"""Largest angle from the optical axis, radians. Beyond it a corner has no place on a plane in front of the camera, and
+no lens is known well."""
 LONGEST_STEP_S: Final = 0.1
-"""Between two frames; over a longer gap the motion is not assumed to be even."""
+"""Longest time between two frames over which the motion is assumed to be even, seconds."""
 LEAST_BEND_PX2: Final = 1.0
-"""Cross product of the two sides at a corner. A square of 24 pixels seen at 80 deg still has a hundred."""
+"""Least cross product of the two sides at a corner, px^2. A square of 24 pixels seen at 80 deg still has a hundred."""
 
 SQUARE: Final = np.array([(-0.5, -0.5, 0.0), (0.5, -0.5, 0.0), (0.5, 0.5, 0.0), (-0.5, 0.5, 0.0)])
 """(4, 3) corners of a square of side 1 in the tag frame, in the order of the print. Tag frame: x to the right of the
 print, y down the print, z away from its reader; on the ground, face up, z is down."""
 _IPPE_FROM_TAG: Final = np.diag([1.0, -1.0, -1.0])
-"""OpenCV's SOLVEPNP_IPPE_SQUARE has y up the print and z toward the reader, and the same order of the corners."""
+"""Rotation from the tag frame to that of OpenCV's SOLVEPNP_IPPE_SQUARE, which has y up the print and z toward the
+reader, and the same order of the corners."""
 
 
 class TagObservation(msgspec.Struct, frozen=True, gc=False):
@@ -72,7 +72,7 @@ class TagObservations(msgspec.Struct, frozen=True):
     def global_shutter_rays(self, readout_s: float) -> Floats:
         """(N, 4, 3) unit rays as a global shutter would see them at the mean capture instant of the four corners.
 
-        The corners' own motion from frame to frame moves them there, so this needs no model of the scene.
+        The corners' own motion from frame to frame gives the displacement, so this needs no model of the scene.
         """
         if len(self) < 2 or readout_s == 0.0:
             return self.rays
@@ -96,7 +96,7 @@ class TagObservations(msgspec.Struct, frozen=True):
 
 
 def observations_from_tags(tags: Sequence[TagObservation], lens: Lens) -> TagObservations:
-    """The observations whose four corners the lens sees, all of the winding that most of them have.
+    """The observations whose four corners the lens sees and whose winding is that of the majority.
 
     ``tags`` are in order of time. Of two at one instant the first is taken: no speed between them can be computed.
     """
@@ -124,7 +124,7 @@ def observations_from_tags(tags: Sequence[TagObservation], lens: Lens) -> TagObs
 def crossed(tags: Sequence[TagObservation]) -> int:
     """Number of observations whose sides cross: the detector sends the corners in rows, as the letter Z is written.
 
-    Two of the four corners then bend clockwise and two counterclockwise; of a square all four bend alike.
+    Two of the four corners then bend clockwise and two counterclockwise; all four corners of a square bend alike.
     """
     bends = _bends(_corner_pixels(tags))
     clockwise, counterclockwise = (bends > LEAST_BEND_PX2).sum(axis=1), (bends < -LEAST_BEND_PX2).sum(axis=1)

@@ -22,11 +22,12 @@ MOUNT: Final = slice(1, 4)
 READOUT: Final = 4
 SLOPE: Final = slice(5, 7)
 HEADINGS: Final = 7
-"""Columns of the unknowns; the knots of the heading are the rest."""
+"""Columns of the unknowns; the columns from HEADINGS on are the knots of the heading."""
 KNOT_S: Final = 2.5
 """Seconds between two knots of the heading."""
 MOUNT_STEP: Final = 1e-4
-"""Radians. The mount's derivatives are differences: the speed of the camera depends on the mount, too."""
+"""Step of the numeric derivatives by the mount, radians. They are numeric because the camera's speed depends on the
+mount, too."""
 SMOOTHED: Final = 9
 """Frames over which the camera's speed is averaged: a third of a second, in which an arm does not reverse."""
 
@@ -39,9 +40,9 @@ class CornerParameters(msgspec.Struct, frozen=True):
     """(3, 3) rotation."""
     readout_s: float
     slope: Floats
-    """(2,) of the ground, radians about north and east."""
+    """(2,) slope of the ground, radians about north and east."""
     headings: Floats
-    """(knots,) of the tag, radians, every KNOT_S."""
+    """(knots,) headings of the tag, radians, every KNOT_S."""
 
     def moved(self, step: Floats) -> CornerParameters:
         """The parameters after a step in the order of the columns; the mount's is a rotation vector in body axes."""
@@ -55,14 +56,14 @@ class CornerParameters(msgspec.Struct, frozen=True):
 
 
 class BodyMotion(msgspec.Struct, frozen=True):
-    """Attitude and rates of the body at each corner's capture, by a delay and a readout."""
+    """Attitude and rates of the body at each corner's capture, for a given delay and readout."""
 
     body_from_ned: Floats
-    """(N, 4, 3, 3)."""
+    """(N, 4, 3, 3) rotations at the corners' captures."""
     rates: Floats
     """(N, 1, 3) rad/s, body axes."""
     rows_s: Floats
-    """(N, 4) from the mean capture of the four corners to each corner's own."""
+    """(N, 4) time from the mean capture of the four corners to each corner's own, seconds."""
     known: Flags
     """(N,) whether attitude and rates are known."""
 
@@ -76,11 +77,11 @@ class CornerResiduals(msgspec.Struct, frozen=True):
     """Residuals in pixels, modelled minus observed, and their derivatives."""
 
     residual: Floats
-    """(N, 8)."""
+    """(N, 8) residuals."""
     jacobian: Floats
-    """(N, 8, unknowns)."""
+    """(N, 8, unknowns) derivatives by the unknowns."""
     by_position: Floats
-    """(N, 8, 3) by the tag's position relative to the camera, metres NED."""
+    """(N, 8, 3) derivatives by the tag's position relative to the camera, metres NED."""
     motion: BodyMotion
 
 
@@ -129,7 +130,7 @@ class CornerModel:
         by_delay = self._by_delay(arms, by_point, motion)
         jacobian[:, :, DELAY] = by_delay.reshape(frames, 8)
         jacobian[:, :, READOUT] = -(by_delay * self._observations.rows[..., None]).reshape(frames, 8)
-        by_turn = np.cross(corners[:, :, None, :], by_point).reshape(frames, 8, 3)  # of the corners about NED's axes
+        by_turn = np.cross(corners[:, :, None, :], by_point).reshape(frames, 8, 3)  # corners about NED's axes
         jacobian[:, :, SLOPE] = by_turn[..., :2]
         jacobian[:, :, HEADINGS:] = by_turn[..., 2:] * self._knot_weights[:, None, :]
         for axis in range(3):
@@ -184,7 +185,7 @@ class CornerModel:
 
 
 def _matrices(rotation_vectors: Floats) -> Floats:
-    """(..., 3, 3) of (..., 3); scipy before 1.17 takes one leading axis at most."""
+    """(..., 3, 3) rotation matrices of (..., 3) vectors; scipy before 1.17 takes one leading axis at most."""
     flat = Rotation.from_rotvec(rotation_vectors.reshape(-1, 3)).as_matrix()
     matrices: Floats = flat.reshape(*rotation_vectors.shape[:-1], 3, 3)
     return matrices
@@ -201,7 +202,7 @@ def _knot_weights(times_s: Floats, knots_s: Floats) -> Floats:
 
 
 def _speeds(positions: Floats, times_s: Floats) -> Floats:
-    """(N, 3) metres per second, smoothed."""
+    """(N, 3) smoothed velocities, metres per second."""
     kernel = np.ones(SMOOTHED) / SMOOTHED
     speeds = np.gradient(positions, times_s, axis=0)
     padded = np.pad(speeds, ((SMOOTHED // 2, SMOOTHED // 2), (0, 0)), mode="edge")

@@ -10,7 +10,8 @@ from fwav_companion.geometry.mounts import describe_mount, euler_from_body_from_
 from fwav_companion.tools.shake.estimate import ShakeEstimate, WithSigma
 
 NEARLY_VERTICAL: Final = 0.1
-"""Cosine of the pitch: within 6 deg of straight down, a degree across turns roll and yaw by ten and more."""
+"""Cosine of the pitch below which the camera looks nearly straight down: within 6 deg of it, a rotation by a degree
+across changes roll and yaw by ten degrees and more."""
 ONE_AXIS: Final = "looking straight down, roll and yaw turn about one axis: what counts is their sum"
 AXES: Final = ("roll", "pitch", "yaw")
 LEAST_DELAY_SIGMA_S: Final = 0.0005

@@ -1,8 +1,8 @@
 """Names of setup errors: an image or attitude that is turned, mirrored or reversed.
 
-The coarse alignment maps the body's turns to the camera's. A turned image changes this map by a rotation. So does a
-mirrored one, since turns are axial vectors: mirrored left to right, the camera seems to look the other way. A single
-reversed axis of the attitude makes the map left-handed.
+The coarse alignment maps the body's turns to the camera's. A turned image changes this map by a rotation. A mirrored
+image does as well, because turns are axial vectors: mirrored left to right, the camera seems to look the other way. A
+single reversed axis of the attitude makes the map left-handed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class SignError(msgspec.Struct, frozen=True):
     name: str
     fix: str
     fixed_by_mount: bool
-    """Whether another mount in the configuration is enough."""
+    """Whether another mount in the configuration corrects the error."""
 
 
 _QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -70,7 +70,7 @@ CORNER_ORDER: Final = SignError(
     False,
 )
 UNNAMED: Final = SignError("an axis of the attitude reversed, or the image mirrored", SIGNS, False)
-"""For a left-handed map that no single error explains."""
+"""Error reported for a left-handed map that no single error explains."""
 
 
 def sign_error_of(alignment: CoarseAlignment, configured: Floats, *, backward: bool) -> SignError | None:
