@@ -31,7 +31,7 @@ from fwav_companion.tools.install.steps import (
 from fwav_companion.tools.install.system import STATUS
 
 HEARTBEAT_S: Final = 45.0
-"""Time for the first heartbeat: the unit's TimeoutStartSec, and half as long for a slow board's status."""
+"""Time for the first heartbeat, seconds: the unit's TimeoutStartSec, and half of it more for a slow board's status."""
 UP_S: Final = 2.0
 """Time since the start after which heartbeats, one a second, have left."""
 POLL_S: Final = 0.5
@@ -69,7 +69,7 @@ class Execution:
         self._began_s = time.monotonic()
 
     def do(self, steps: Sequence[Step]) -> None:
-        """Do the steps in order, each said before it is done. StepError at the first that fails."""
+        """Do the steps in order, and report each before it is done. StepError at the first that fails."""
         for step in steps:
             self._say(str(step))
             try:
@@ -115,7 +115,7 @@ class Execution:
             path.unlink(missing_ok=True)
 
     def _point(self, step: PointLink) -> None:
-        """Point a link below the root to the target as the board will see it, by a rename: it is never missing."""
+        """Point a link below the root to the target's path on the board, by a rename: the link is never missing."""
         path = below(self._root, step.path)
         made_folder(path.parent)
         new = path.with_name(f".{path.name}.new")
@@ -140,7 +140,7 @@ class Execution:
             raise
 
     def _readdress(self, path: Path, on_board: str) -> None:
-        """Let the scripts of an environment below a root name the interpreter as the board will see it."""
+        """Let the scripts of an environment below a root name the interpreter by its path on the board."""
         if str(path) == on_board:
             return
         for script in (path / "bin").iterdir():

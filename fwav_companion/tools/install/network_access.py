@@ -14,7 +14,7 @@ from fwav_companion.links.url import SerialUrl, UnixUrl, parse_link_url
 from fwav_companion.vision.preview_address import parse_preview
 
 IP_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
-"""Of Zenoh's endpoints; the others are sockets and serial lines of this board."""
+"""Protocols of Zenoh's endpoints on the network; the others are sockets and serial lines of this board."""
 HEADER = "# Written by `fwav-companion install` from the configured links: run it again when they change.\n"
 
 

@@ -43,7 +43,7 @@ MODEL = "/proc/device-tree/model"
 
 
 def observed(root: Path) -> System:
-    """Return the state of the board. InputFileError if a file that counts cannot be read."""
+    """Return the state of the board. InputFileError if a required file cannot be read."""
     texts = {path: text for path in JUDGED if (text := _text(below(root, path))) is not None}
     link = below(root, ENVIRONMENT)
     home = below(root, HOME)
@@ -87,7 +87,7 @@ def _target(link: Path) -> str:
 
 
 def _pointed(link: Path, path: str) -> str | None:
-    """Return the path on the board that the link points to, "" where it is a file; None where there is neither."""
+    """Return the path on the board that the link points to, "" if it is a file; None if there is neither."""
     if link.is_symlink():
         return normpath(PurePosixPath(path).parent / link.readlink())
     return "" if link.exists() else None

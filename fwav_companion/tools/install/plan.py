@@ -48,7 +48,7 @@ u fwav-companion - "fwav-companion" - -
 """
 RELOAD_UNITS = Run(command=("systemctl", "daemon-reload"))
 RESTART = Run(command=("systemctl", "restart", SERVICE), optional=True)
-"""Optional: whether the service came up is seen by its heartbeat."""
+"""Restart of the service. It is optional because the heartbeat shows whether the service runs."""
 
 
 def plan(system: System, source: Package, request: Request) -> list[Step]:
@@ -150,7 +150,7 @@ def _environment(system: System, source: Package, request: Request, config: Conf
 
 
 def _wanted(system: System, source: Package, request: Request, config: Config | ConfigError) -> Installed:
-    """Return what the environment is to be made from; extras that were installed before stay."""
+    """Return the sources of the wanted environment; extras that were installed before stay."""
     before = system.installed or Installed()
     extras = sorted({*request.extras, *(extra for extra in before.extras if extra in source.extras)})
     return Installed(version=source.version, extras=tuple(extras), system_packages=_sees_system(config, before))
@@ -191,7 +191,7 @@ def _command(system: System) -> Iterator[Step]:
 
 
 def _service(system: System, steps: list[Step], *, changed: bool) -> Iterator[Step]:
-    """Yield what makes systemd and udev take the changes; a root that does not run gets the link of `enable` alone."""
+    """Yield steps that make systemd and udev take the changes; a root that does not run gets only `enable`'s link."""
     if not changed:
         if all(isinstance(step, Remark) for step in steps):
             yield Remark(text="all of it is there already")
@@ -246,7 +246,7 @@ def _uninstall(system: System) -> Iterator[Step]:
 
 
 def _serial(system: System, request: Request, config: Config) -> Iterator[Step]:
-    """Yield what is in the way of a Raspberry Pi's serial port, and with ``--boot`` the boot files without it."""
+    """Yield the obstacles to a Raspberry Pi's serial port and, with ``--boot``, the boot files without them."""
     port = serial_port.gpio_port(config)
     if not system.model or not port:
         return

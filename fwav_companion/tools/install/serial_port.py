@@ -1,4 +1,4 @@
-"""What keeps a Raspberry Pi's serial port on GPIO 14 and 15 from the service, and the boot files without it. PURE.
+"""Obstacles to using a Raspberry Pi's serial port on GPIO 14 and 15, and the boot files without them. PURE.
 
 Raspberry Pi documentation, "Configure UARTs": on models with Bluetooth the PL011 serves Bluetooth, and GPIO 14 and 15
 get the mini UART, whose baud rate follows the core's clock; it is off without ``enable_uart=1``.
@@ -17,7 +17,8 @@ GPIO_PORTS: Final = frozenset({"/dev/serial0", "/dev/ttyAMA0", "/dev/ttyS0"})
 CONSOLE: Final = re.compile(r"console=(serial0|ttyAMA0|ttyS0)(,\S*)?\s*")
 WITH_BLUETOOTH: Final = re.compile(r"Raspberry Pi (3|4|400|Compute Module 4|Zero W|Zero 2)\b")
 FIFTH: Final = re.compile(r"Raspberry Pi (5|500|Compute Module 5)\b")
-"""On these the UART of the GPIO pins is /dev/ttyAMA0, and /dev/serial0 the connector between the HDMI sockets."""
+"""Models whose UART of the GPIO pins is /dev/ttyAMA0, and whose /dev/serial0 is the connector between the HDMI
+sockets."""
 BLUETOOTH_MOVED: Final = frozenset(
     {"dtoverlay=disable-bt", "dtoverlay=miniuart-bt", "dtoverlay=pi3-disable-bt", "dtoverlay=pi3-miniuart-bt"}
 )
@@ -38,7 +39,7 @@ def gpio_port(config: Config) -> str:
 
 
 def obstacles(port: str, model: str, cmdline: str, config_txt: str) -> Iterator[Blocker]:
-    """Yield what is in the way of the port: login console, UART switched off, Bluetooth on the PL011."""
+    """Yield the obstacles to using the port: login console, UART switched off, Bluetooth on the PL011."""
     for console in CONSOLE.finditer(cmdline):
         yield Blocker(f"the login console uses the serial port ({console[0].strip()} in cmdline.txt)", "")
     settings = settings_for_all(config_txt)

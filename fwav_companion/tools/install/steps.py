@@ -1,4 +1,4 @@
-"""The kinds of steps of an installation, each with a line that says it. PURE: data only."""
+"""The kinds of steps of an installation, each with a line that describes it. PURE: data only."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AwaitHeartbeat(msgspec.Struct, frozen=True, kw_only=True):
-    """The service's first heartbeat to wait for; without it the steps ``otherwise`` are done, and the command fails."""
+    """Wait for the service's first heartbeat; if it does not come, do the steps ``otherwise`` and fail."""
 
     otherwise: tuple[PointLink | Run | WriteFile | RemovePath, ...] = ()
 

@@ -21,7 +21,7 @@ NETWORK_DROP_IN: Final = "/etc/systemd/system/fwav-companion.service.d/network.c
 UDEV_RULES: Final = "/etc/udev/rules.d/99-fwav-companion.rules"
 USERS: Final = "/etc/sysusers.d/fwav-companion.conf"
 RECORD: Final = f"{HOME}/installed.json"
-"""What the environment in use was made from."""
+"""Path of the record of the sources of the environment in use."""
 STATUS: Final = "/run/fwav-companion/status.json"
 BOOT_FOLDERS: Final = ("/boot/firmware", "/boot")
 """Raspberry Pi OS from Bookworm on, and before."""
@@ -37,7 +37,7 @@ class Request(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Installed(msgspec.Struct, frozen=True, kw_only=True):
-    """What the environment in use was made from, as :data:`RECORD` keeps it."""
+    """Sources of the environment in use, the content of :data:`RECORD`."""
 
     version: str = ""
     extras: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ class Platform(msgspec.Struct, frozen=True, kw_only=True):
     """The interpreter's platform: a 64-bit kernel may run a 32-bit system."""
 
     name: str
-    """By ``sysconfig.get_platform()``, as ``linux-aarch64``."""
+    """Name by ``sysconfig.get_platform()``, such as ``linux-aarch64``."""
     pointer_bits: int = 64
 
     @property
@@ -73,12 +73,12 @@ class Platform(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def needs_linux32(self) -> bool:
-        """Whether pip would take this 32-bit system for its 64-bit kernel."""
+        """Whether pip would mistake this 32-bit system for a 64-bit one because of its kernel."""
         return self.is_32_bit_arm and self.name.endswith("aarch64")
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):
-    """What is on the board before any step."""
+    """State of the board before any step."""
 
     platform: Platform
     root: str = "/"
@@ -92,10 +92,10 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     environments: tuple[str, ...] = ()
     """Names of all environments below HOME, the one in use included."""
     command: str | None = None
-    """Where COMMAND points to, "" where it is a file; None where there is no such path."""
+    """Target of the link COMMAND, "" if it is a file; None if there is no such path."""
     installed: Installed | None = None
     model: str = ""
-    """Of a Raspberry Pi; "" elsewhere."""
+    """Model of a Raspberry Pi; "" for other boards."""
     has_systemd: bool = True
 
     @property
