@@ -66,9 +66,9 @@ class Weakness(msgspec.Struct, frozen=True):
     grade: Grade
     """Best grade that a calibration with this weakness has."""
     finding: str
-    """What is weak, for the notes."""
+    """Description of the weakness, for the notes."""
     remedy: str
-    """What to do: the pictures to take, or another action."""
+    """Remedy: the pictures to take, or another action."""
 
 
 class CalibrationVerdict(msgspec.Struct, frozen=True):
@@ -83,7 +83,7 @@ class CalibrationVerdict(msgspec.Struct, frozen=True):
 
     @property
     def remedies(self) -> tuple[str, ...]:
-        """What to do about the weaknesses that lower the grade."""
+        """Remedies for the weaknesses that lower the grade."""
         return tuple(each.remedy for each in self.weaknesses if each.grade is not Grade.GOOD)
 
     def lines(self, fitted: FittedLens) -> Iterator[str]:

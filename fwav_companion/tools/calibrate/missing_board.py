@@ -27,10 +27,10 @@ from fwav_companion.tools.calibrate.board_finders import (
 from fwav_companion.tools.calibrate.board_spec import CalibrationBoard
 
 BLURRED_PX: Final = 5.5
-"""Width of the sharper edges of a blurred picture, pixels. Sharp edges are 3.1 wide; markers of 36 px stop being read
-at a blur of 2.5 to 3 px (one sigma; edges of 5.8 to 6.5) or a motion of 11 px (6.8)."""
+"""Width of the sharper edges of a blurred picture, pixels. Sharp edges are 3.1 wide. Markers of 36 px become
+unreadable at a blur of 2.5 to 3 px (one sigma; edges of 5.8 to 6.5) or a motion of 11 px (6.8)."""
 SHARPER_PERCENT: Final = 25
-"""The width of a picture's edges is this percentile: a blurred background does not make the picture blurred."""
+"""Percentile that is the width of a picture's edges: a blurred background does not make the picture blurred."""
 EDGE_REACH_PX: Final = 12
 EDGE_CONTRAST: Final = 40
 """An edge is a rise by at least this many grey levels within EDGE_REACH_PX to both sides, pixels."""
@@ -260,8 +260,8 @@ def _quads(picture: Grey, number: int) -> tuple[list[Floats], list[Floats]]:
 def _likeliest_dictionary(picture: Grey, count: int) -> str | None:
     """OpenCV's name of the dictionary with the most of its first ``count`` markers in the picture; None without any.
 
-    Of a series such as 4X4_50 to 4X4_1000 each begins with the markers of the one before: the largest is searched, and
-    the smallest that holds all the markers is named.
+    In a series such as 4X4_50 to 4X4_1000, each dictionary begins with the markers of the one before: the largest is
+    searched, and the smallest that has all the markers is named.
     """
     best, most, largest_id = "", FEWEST_MARKERS - 1, 0
     for series, names in _dictionary_series().items():

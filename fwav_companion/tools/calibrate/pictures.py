@@ -1,7 +1,7 @@
 """The files, folders or the video of the command line, as grey pictures of one size.
 
 Pictures come as the sensor has them. A rotation that a phone or camera only notes in the file (EXIF) is not applied,
-because the frames of the flight will not be rotated either. Of a video the sharpest frames are taken: its frames follow
+because the frames of the flight will not be rotated either. A video gives only its sharpest frames: its frames follow
 one another closely, and a moving hand blurs most of them.
 """
 
@@ -27,9 +27,9 @@ SUFFIXES: Final = {".bmp", ".jpeg", ".jpg", ".jp2", ".pgm", ".png", ".ppm", ".ti
 JPEG, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
 """Markers (ITU-T T.81, table B.1); compressed data never contains them."""
 MOST_PICTURES: Final = 200
-"""More pictures add little, and each takes a good part of a second."""
+"""Most pictures that are used: more add little, and each takes a good part of a second."""
 VIDEO_PIECES: Final = 60
-"""Pieces of a video, each of which gives its sharpest frame: in a minute's video one a second."""
+"""Number of pieces into which a video is divided; each gives its sharpest frame: one a second in a minute's video."""
 
 ReadPicture: TypeAlias = Callable[[], Grey]
 """Reads a picture. InputFileError where it is unreadable."""

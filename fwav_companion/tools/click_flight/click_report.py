@@ -1,4 +1,4 @@
-"""The page about a click: what became of it, in figures, pictures and over time. PURE."""
+"""The page about the result of a click, in figures, pictures and over time. PURE."""
 
 from __future__ import annotations
 
@@ -77,6 +77,6 @@ def _error_section(score: ClickScore) -> str:
 
 
 def _foot(command: str) -> str:
-    """What flew, and how to repeat it."""
+    """The kind of flight, and the command that repeats it."""
     version = f"fwav-companion {__version__}."
     return f"<footer><p>{escape(NOTE)}</p><p>Repeat it: {escape(command)}</p><p>{version}</p></footer>"

@@ -1,4 +1,4 @@
-"""How well a clicked spot was followed, against the mock's truth. PURE."""
+"""Comparison of a clicked spot's detections with the mock's truth. PURE."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import msgspec
 from fwav_companion.geometry.ellipses import circle_radius
 
 EDGE_PX: Final = 40.0
-"""Nearer to the picture's edge the spot's patch is not whole."""
+"""Distance from the picture's edge within which the spot's patch is not whole, pixels."""
 SHARP_PX: Final = 2.0
-"""Motion during the exposure up to which a picture is sharp."""
+"""Largest motion of a sharp picture during its exposure, pixels."""
 PASS_GAP_S: Final = 1.0
 """Shortest absence between two passes: the flapping takes a spot out of the picture for a tenth of a second."""
 LEAST_FOUND: Final = 0.8
 """Share of the frames with the sharp spot in which it must be found: 95 % over many flights, and one has few frames."""
 ANOTHER_THING_M: Final = 0.5
-"""Distance on the ground from which a detection is of another thing: three times what 95 % of them keep."""
+"""Ground distance from which a detection belongs to another object, metres: three times the 95 % error."""
 
 
 class SpotSample(msgspec.Struct, frozen=True):
@@ -32,7 +32,7 @@ class SpotSample(msgspec.Struct, frozen=True):
     sharp: bool
     error_px: float | None
     error_m: float | None
-    """What the error of the pixel adds on the ground, metres."""
+    """Error on the ground due to the pixel's error, metres."""
 
 
 class ClickScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,7 +45,7 @@ class ClickScore(msgspec.Struct, frozen=True, kw_only=True):
     error_m: float | None = None
     """Distance of the target from the spot on the map at the end."""
     claimed95_m: float | None = None
-    """Radius that holds it with 95 %, by the service."""
+    """95 % radius that the service claims, metres."""
     troubles: tuple[str, ...] = ()
     """Reasons for exit status 1; empty: success."""
 
@@ -56,18 +56,18 @@ class ClickScore(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def sharp_found(self) -> int:
-        """Those of them in which it was found."""
+        """Frames that show the spot sharply and in which it was found."""
         return sum(each.sharp and each.found_px is not None for each in self.samples)
 
     @property
     def added95_m(self) -> float | None:
-        """What the tracker adds on the ground in 95 % of the frames in which it finds the spot, metres."""
+        """Ground error that the tracker adds at most in 95 % of the frames in which it finds the spot, metres."""
         errors = sorted(each.error_m for each in self.samples if each.error_m is not None)
         return errors[round(0.95 * (len(errors) - 1))] if errors else None
 
     @property
     def passes(self) -> int:
-        """Times that the spot came into the picture, its first one counted."""
+        """Number of times that the spot came into the picture, including the first."""
         times = [each.at_s for each in self.samples]
         return sum(after - before > PASS_GAP_S for before, after in pairwise(times)) + bool(times)
 

@@ -1,7 +1,7 @@
 """SHELL: a rendered flight through the service's pipeline and its spot tracker, with one click of a ground station.
 
-The station sees each picture [publish] video_delay_s after its capture, and clicks on a random place of one. All that
-follows is the service's own work: which picture was meant, where the spot is in later ones, where it is on the ground.
+The station sees each picture [publish] video_delay_s after its capture, and clicks on a random place of one. The
+service then does its own work: it finds the picture that was meant, the spot in later ones, and its ground position.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ STATION: Final = (255, 190)
 TRACK_POINT: Final = 2004
 """MAV_CMD_CAMERA_TRACK_POINT."""
 MIDDLE: Final = 0.25
-"""Share of the picture's sides within which no click is made: a spot there has just come, or is about to leave."""
+"""Margin without clicks, as a share of the picture's sides: a spot there has just come, or is about to leave."""
 MOST_CLICKS: Final = 10
-"""Attempts: a uniform place is refused, and the next picture is clicked on."""
+"""Most attempts: the service refuses a uniform place, and the operator clicks on the next picture."""
 
 Pictures = Iterator[tuple[int, Pixels]]
 Event = tuple[HostNs, Message | Frame]
@@ -49,7 +49,7 @@ class Click(msgspec.Struct, frozen=True):
     """Frame that the operator saw."""
     pixel: tuple[float, float]
     taken_frame: int
-    """Frame that the service took it for."""
+    """Frame to which the service assigned the click."""
 
 
 class FoundSpot(msgspec.Struct, frozen=True):
@@ -76,7 +76,7 @@ class ClickedFlight:
         self._looks_from_ns = (frames[0].stamp_ns if frames else 0) + ns_from_s(from_s)
         shown = (frame.number for frame in frames if frame.stamp_ns >= self._looks_from_ns)
         self.first_shown = next(shown, None) or 0
-        """First frame that the operator sees: those before it need no picture."""
+        """First frame that the operator sees: earlier frames need no picture."""
         self._pictures = KeptPictures()
         self._spots = FollowedSpots(self._pictures)
         self._station = Encoder(*STATION)
@@ -85,7 +85,7 @@ class ClickedFlight:
         self._clicks = 0
         self.click: Click | None = None
         self.followed_from = 0
-        """First frame after the order to follow the spot: the click came later than the picture it means."""
+        """First frame after the order to follow the spot: the click arrived later than its picture."""
         self._newest = 0
         self.origin: Geodetic | None = None
         """Origin of the lines."""
@@ -123,7 +123,7 @@ class ClickedFlight:
                 yield frame.arrival_ns, frame
 
     def _on_frame(self, recorded: Frame, pictures: Pictures, now: HostNs) -> None:
-        """Do what the camera process does with a picture: ask where the spots are, and look there."""
+        """Process a picture as the camera process does: ask where the spots are, and look there."""
         if recorded.stamp_ns < self._looks_from_ns or recorded.number is None:  # its picture is not rendered
             self._pipeline.on_frame(msgspec.structs.replace(recorded, detections=()), now)
             return

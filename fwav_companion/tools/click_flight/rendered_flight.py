@@ -1,4 +1,4 @@
-"""SHELL: the mock's flight for a click: recorded, its pictures rendered, and where they truly show a spot."""
+"""SHELL: the mock's flight for a click: its recording, its rendered pictures, and the true places of a spot in them."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class RenderedFlight:
                 process.kill()
 
     def spot(self, frame: int, pixel: tuple[float, float]) -> TrueSpot | None:
-        """What lies at a pixel of a frame, and where it is in all others; None where that pixel shows no ground."""
+        """The spot at a pixel of a frame, and its place in all others; None if that pixel does not show ground."""
         words = ["--frame", str(frame), "--pixel", *(f"{value:.4f}" for value in pixel)]
         try:
             return msgspec.json.decode(_run(SPOT, [*self._arguments, *words]), type=TrueSpot)

@@ -1,4 +1,4 @@
-"""A fleet on one machine: a mock and a service for each vehicle, and one ground process that fuses what they see."""
+"""A fleet on one machine: a mock and a service for each vehicle, and one ground process that fuses their tracks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, moc
 from fwav_companion.tools.demo.processes import ChildProcess, GrowingLines, newest_object
 
 TARGETS = ("5,3", "-6,2", "1,-6", "-3,9", "9,-4")
-"""Persons, metres from the flight centre: all of one label, so that places alone say which is which."""
+"""Places of persons, metres from the flight centre. All have one label, so that only their places distinguish them."""
 COMES_UP_S = 40.0
 STEP_S = 0.5
 SETTLES_S = 1.5
@@ -34,7 +34,7 @@ class FleetResult(msgspec.Struct, frozen=True):
 
     scores: list[FusedScore]
     ghosts: int
-    """Fused targets of no true one."""
+    """Number of fused targets without a true target."""
     troubles: list[str]
     """Reasons for exit status 1; empty: success."""
 
@@ -171,7 +171,7 @@ file = "status.json"
         return None
 
     def _take(self, update: dict[str, Any]) -> None:
-        """Take what the ground process has recorded."""
+        """Process an update that the ground process has recorded."""
         for gone in update["removed"]:
             self._fused.pop(gone, None)
         for target in update["targets"]:

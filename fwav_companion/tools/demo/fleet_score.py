@@ -11,7 +11,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 
 NEAR_M = 5.0
-"""Half the least distance of two true targets: a fused target is of the true one within it."""
+"""Half the least distance of two true targets, metres: a fused target belongs to the true target within it."""
 SCALE_95 = sqrt(-2.0 * log(0.05))
 INSIDE_999 = 13.82
 """Chi-square quantile, 99.9 %, 2 degrees of freedom."""
@@ -25,15 +25,15 @@ class FusedScore(msgspec.Struct, frozen=True, kw_only=True):
     east: float
     """True place from the origin, metres."""
     count: int
-    """Number of fused targets of it: one is right."""
+    """Number of fused targets that belong to it: one is right."""
     error_m: float | None
-    """Horizontal error of the nearest one."""
+    """Horizontal error of the nearest fused target, metres."""
     claimed95_m: float | None
-    """Larger semi-axis of its 95 % ellipse."""
+    """Larger semi-axis of the nearest fused target's 95 % ellipse, metres."""
     nis: float | None
     """Normalised square of the error by the claimed covariance."""
     vehicles: tuple[str, ...] = ()
-    """Vehicles whose tracks it has."""
+    """Vehicles whose tracks the nearest fused target has."""
 
     @property
     def trouble(self) -> str | None:
@@ -49,7 +49,7 @@ class FusedScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def fleet_scores(truth: Mapping[str, Any], fused: Sequence[Mapping[str, Any]]) -> tuple[list[FusedScore], int]:
-    """The score of each true target, and the number of fused targets of none. ``truth``: a header line of the mock."""
+    """The score of each true target, and the number of other fused targets. ``truth``: a header line of the mock."""
     origin = truth["origin"]
     plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
     targets = truth["targets"]

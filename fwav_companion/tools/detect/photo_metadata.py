@@ -24,7 +24,7 @@ TIME, SUBSECONDS, OFFSET, EXPOSURE = 0x9003, 0x9291, 0x9011, 0x829A
 GPS_TIME, GPS_DATE, LAT_REF, LAT, LON_REF, LON, ALT_REF, ALT = 7, 29, 1, 2, 3, 4, 5, 6
 XMP_END = b"</x:xmpmeta>"
 MOST_XMP = 1 << 20
-"""Bytes of a file in which its XMP begins: it stands before the picture."""
+"""Bytes at the start of a file that are searched for its XMP, which precedes the picture."""
 ANGLES = {
     "DJI": ("GimbalRollDegree", "GimbalPitchDegree", "GimbalYawDegree"),
     "Parrot": ("CameraRollDegree", "CameraPitchDegree", "CameraYawDegree"),
@@ -38,7 +38,7 @@ RTK = ("RtkStdLat", "RtkStdLon", "RtkStdHgt")
 
 
 class PhotoMetadata(msgspec.Struct, frozen=True, kw_only=True):
-    """What a photograph says about itself; None where it says nothing."""
+    """Metadata of a photograph; None for a value that it does not have."""
 
     utc_s: float | None = None
     """Unix time of the exposure."""
@@ -80,7 +80,7 @@ def _local(own: Mapping[int, Any]) -> datetime | None:
 
 
 def _utc(own: Mapping[int, Any], gps: Mapping[int, Any], local: datetime | None) -> float | None:
-    """Unix time by the offset of the camera's clock, else by GPS, whose time has whole seconds with many makers."""
+    """Unix time by the offset of the camera's clock, else by GPS, whose time many makers round to whole seconds."""
     offset = re.fullmatch(r"([+-])([0-9]{2}):([0-9]{2})", str(own.get(OFFSET, "")).strip().strip("\0"))
     if local is not None and offset:
         minutes = int(offset[2]) * 60 + int(offset[3])

@@ -62,7 +62,7 @@ def recorded_pictures(path: Path, start: datetime | None) -> RecordedPictures:
 
 
 def folder_of(path: Path) -> Path:
-    """The folder of kept pictures where the path is that of a recording with such a folder; else the path."""
+    """The folder of kept pictures if the path is a recording with such a folder; otherwise the path."""
     return path / PICTURES if (path / STAMPS).is_file() else path
 
 

@@ -1,4 +1,4 @@
-"""Compares the paper's Table I with what its own constants give over many runs, and the error sources of one fix."""
+"""Comparison of the paper's Table I with the results of its own constants over many runs; error sources of one fix."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Quantity(msgspec.Struct, frozen=True):
     high: float
     """95th percentile of the runs."""
     one_run: float
-    """Value of the first run: what a single repetition of the experiment may give."""
+    """Value of the first run, as an example of a single repetition of the experiment."""
 
 
 class ComparisonRow(msgspec.Struct, frozen=True):
@@ -67,11 +67,11 @@ class PaperComparison(msgspec.Struct, frozen=True):
 
     rows: tuple[ComparisonRow, ...]
     variance_ratio: float
-    """Variance of the filter's output, once settled, by that of its input, measured."""
+    """Measured ratio of the variance of the settled filter's output to that of its input."""
     variance_ratio_theory: float
     """The same ratio in theory: alpha / (2 - alpha)."""
     start_ratio: float
-    """Filtered mean by unfiltered mean in theory, from the start at 0 alone."""
+    """Ratio of filtered to unfiltered mean in theory, due to the start at 0 alone."""
     rms_by_source_m: dict[str, tuple[float, float]]
     """RMS error (X, Y) of one fix from each cause alone."""
 

@@ -14,7 +14,7 @@ from fwav_companion.tools.paper.comparison import STATED_PX, PaperComparison, dr
 from fwav_companion.tools.paper.experiment import ONE_MM_PX, TARGET_M, filtered
 
 TOLD_HZ = 25.0
-"""Rate of attitudes. At 10 Hz every other stroke would be sampled at the same phase: a body that does not move."""
+"""Rate of attitudes, hertz. At 10 Hz every other stroke has the same phase: the body would not seem to move."""
 
 
 def draw_figures(folder: Path, seed: int, comparison: PaperComparison) -> list[Path]:

@@ -66,7 +66,7 @@ def _header(
 
 
 def _headline(flights: Pair, differences: Sequence[ConfigDifference]) -> str:
-    """What differs: the configuration, else the version, else the recording, else nothing."""
+    """The difference of the two replays: in the configuration, else the version, else the recording, else none."""
     first, second = flights
     if len(differences) == 1:
         (only,) = differences

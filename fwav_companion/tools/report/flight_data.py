@@ -52,7 +52,7 @@ class CalibrationSample(msgspec.Struct, frozen=True):
     mount_sigma_deg: Sequence[float]
     status: str
     mistake: str
-    """A gross mistake of the mount; empty: not one was found."""
+    """A gross mistake of the mount; empty if none was found."""
 
 
 class PlantedErrors(msgspec.Struct, frozen=True):
@@ -73,7 +73,7 @@ class CameraPicture(msgspec.Struct, frozen=True):
 
 
 class LandmarkSeries(msgspec.Struct, frozen=True):
-    """One landmark of the configuration, and what its sights did."""
+    """One landmark of the configuration, and the use of its measurements."""
 
     label: str
     north: float
@@ -81,10 +81,10 @@ class LandmarkSeries(msgspec.Struct, frozen=True):
     east: float
     sigma_m: float
     used: int
-    """Sights that were used."""
+    """Number of measurements that were used."""
     refused: int
     result: str
-    """What it did, in words."""
+    """Result in words."""
     left_out: bool
 
 

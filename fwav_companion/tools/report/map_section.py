@@ -58,7 +58,7 @@ def _key(flight: FlightData) -> str:
 
 
 def _landmark_table(flight: FlightData) -> str:
-    """What each landmark did; empty without landmarks."""
+    """Result of each landmark; empty without landmarks."""
     if not flight.landmarks:
         return ""
     head = ["landmark", "north, m", "east, m", "surveyed to, 95 %", "sights used", "sights refused", "result"]

@@ -1,4 +1,4 @@
-"""The first screen of the report: where the targets are, how accurate that is, and what limits it. Pure."""
+"""The first screen of the report: places of the targets, their accuracy, and what limits it. Pure."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _relative_errors_m(flight: FlightData) -> list[float]:
 
 
 def _common_error(flight: FlightData) -> str:
-    """What the error of the vehicle's position does to all targets; empty where it is not the largest error."""
+    """Effect of the vehicle's position error on all targets; empty if it is not the largest error."""
     relative_m = _relative_errors_m(flight)
     if flight.position_error_m is not None and relative_m:
         many = f" (median of {len(relative_m)})" if len(relative_m) > 1 else ""
@@ -139,7 +139,7 @@ def _limit(flight: FlightData) -> str:
 
 
 def _is_calibrated(flight: FlightData) -> bool:
-    """Whether the estimates themselves use what self-calibration found."""
+    """Whether the estimates use the result of self-calibration."""
     return bool(flight.calibration) and not flight.calibrated_by and flight.calibration[-1].status != "waiting"
 
 

@@ -40,7 +40,7 @@ VARIANTS = (PAPER, PLAIN, CALIBRATED)
 
 
 def variant_of(config: Config) -> TrackingVariant:
-    """The variant that a configuration is; a user's filter or another low-pass filter has the kind "own"."""
+    """The variant of a configuration; a user's filter or another low-pass filter has the kind "own"."""
     tracking = config.tracking
     for variant in VARIANTS:
         if variant.applied_to(config).tracking == tracking:

@@ -15,7 +15,7 @@ import numpy as np
 from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardCorners, Floats, LensAndPoses, project
 
 STEPS: Final = 30
-"""Most steps. Ten are enough from a fair start; only parameters that the corners hardly separate take more."""
+"""Most steps. Ten are enough from a good start; only parameters that the corners hardly separate take more."""
 SETTLED: Final = 1e-7
 """Relative decrease of the sum of squares at which the search ends. With a thousand corners this is 2e-4 variances, and
 the answer a hundredth of a sigma from the optimum."""

@@ -38,11 +38,11 @@ DIRECTIONS: Final = 16
 RINGS: Final = 24
 """Number of directions and of angles from the axis at which rays are evaluated."""
 MOST_DRIFT_PX: Final = 1.0
-"""Beyond its outermost corners the fit is valid as long as EXTRA more coefficients, one sigma of them, would not turn a
-ray by more than this many pixels on the axis."""
+"""Largest rotation of a valid ray by one sigma of EXTRA more coefficients, in pixels on the axis. It limits the valid
+range of the fit beyond the outermost corners."""
 EXTRA: Final = 2
-"""A 200 degree lens, shown up to 60 degrees, in twelve draws: at the limit that one more coefficient gives (83 degrees)
-its rays erred by up to 9 px, at that of two (74 degrees) by 3."""
+"""Number of further coefficients in the limit of the valid range. In twelve draws of a 200 degree lens with corners up
+to 60 degrees, rays erred by up to 9 px at the limit by one coefficient (83 degrees), by 3 px at that by two (74)."""
 WORST_RAY: Final = np.radians(1.0)
 """Largest sigma of a valid ray without the common rotation, radians: 2 % of the height above ground."""
 OUTERMOST: Final = 5
@@ -109,8 +109,9 @@ def decentring(corners: BoardCorners, state: LensAndPoses, variance: float, reac
 def cluster_inflation(corners: BoardCorners, state: LensAndPoses, variance: float) -> float:
     """The factor, at least 1, by which sigmas from the corners' scatter alone are too small.
 
-    Its square is the sum over the views of their squared gradients, in the metric of the covariance, over what scatter
-    of this variance gives, each less its own share in the answer. LinAlgError: the lens is not determined.
+    Its square is a ratio of sums over the views: their squared gradients, in the metric of the covariance, over the
+    squares that scatter of this variance gives, less each view's own share in the answer. LinAlgError: the lens is not
+    determined.
     """
     _, _, by_lens = project(state.lens, camera_points(corners, state))
     gradients = corners.by_view((np.swapaxes(by_lens, 1, 2) @ residuals(corners, state)[..., None])[..., 0])

@@ -36,8 +36,8 @@ from fwav_companion.tools.calibrate.lens_fit.reprojection import (
 )
 
 FEWEST_VIEWS: Final = 5
-"""A board gives two equations on a pinhole beyond its own pose (Zhang 2000), and a lens has five parameters or more: at
-least three boards, and two more by which the others can be judged."""
+"""Fewest views. A board gives two equations on a pinhole beyond its own pose (Zhang 2000), and a lens has five
+parameters or more: this takes at least three boards, and two more to judge the others by."""
 LEAST_TILT: Final = radians(10.0)
 """Least angle between the two most different boards: parallel boards leave the focal length free, in any number."""
 MOST_NOISE_PX: Final = 2.0
@@ -239,7 +239,7 @@ def _is_usable(view: BoardView) -> bool:
 
 
 def _misfit(fitted: FittedLens) -> str | None:
-    """Why the numbers of the fit are not a lens; None where they are."""
+    """Why the numbers of the fit do not describe a lens; None if they do."""
     lens = fitted.lens
     if not fitted.noise_px < MOST_NOISE_PX * fitted.enlargement:
         detail = f"the reprojection error is {fitted.noise_px:.1f} px an axis; corner detectors err by 0.1 to 0.5"
@@ -251,7 +251,7 @@ def _misfit(fitted: FittedLens) -> str | None:
 
 
 def _undetermined(fitted: FittedLens) -> str | None:
-    """What the pictures do not determine well enough; None where they do."""
+    """The parameters that the pictures do not determine well enough; None if they determine all."""
     lens, (width, height) = fitted.lens, fitted.image_size
     if not (-0.5 <= lens[U0] <= width - 0.5 and -0.5 <= lens[V0] <= height - 0.5):
         at = f"({lens[U0]:.0f} ± {fitted.sigma(U0):.0f}, {lens[V0]:.0f} ± {fitted.sigma(V0):.0f})"

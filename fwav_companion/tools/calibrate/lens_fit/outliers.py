@@ -27,7 +27,8 @@ MOST_COEFFICIENTS: Final = 5
 FEWEST_CORNERS: Final = 6
 """Fewest corners of a view: four corners have as many coordinates as board pose and plane have parameters."""
 CORNER_LIMIT: Final = 5.0
-"""Sigmas of one axis: of a thousand good corners one in 270 sets loses one (exp(-12.5) = 4e-6)."""
+"""Largest residual of a good corner, sigmas of one axis: one in 270 sets of a thousand good corners loses a corner
+(exp(-12.5) = 4e-6)."""
 VIEW_LIMIT: Final = 3.0
 """Ratio of a view's median residual to the usual one, beyond which the view is dropped."""
 MOST_OUTLIERS: Final = 0.3
