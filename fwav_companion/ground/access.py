@@ -1,6 +1,6 @@
-"""Which HTTP requests are answered: by Host, Origin, token. Pure.
+"""Decides by Host, Origin and token which HTTP requests are answered. Pure.
 
-A page of another site cannot read this one: its requests bear that site's Origin, and a name that it makes resolve to
+A page of another site cannot read this one: its requests have that site's Origin, and a name that it makes resolve to
 this address (DNS rebinding) is not among the hosts that are served. Beyond loopback a token is required as well.
 """
 
@@ -26,18 +26,18 @@ SECURITY_HEADERS = {
 
 
 class AccessRules(msgspec.Struct, frozen=True, kw_only=True):
-    """What the server was started with."""
+    """Access options with which the server was started."""
 
     host: str
     """Address that it listens on."""
     port: int
     token: str = ""
-    """Required of every request; "": not."""
+    """Token required in every request; "": none is required."""
     names: tuple[str, ...] = ()
     """Names of this machine, lower case."""
 
     def refusal(self, headers: Mapping[str, str], query_token: str, cookie: str) -> str | None:
-        """Reason why a request is not answered; None where it is."""
+        """Reason why a request is not answered; None if it is answered."""
         host = headers.get("Host", "").lower()
         if not self._is_ours(host):
             return "this name is not served here: use the address that the program printed"
@@ -61,7 +61,7 @@ class AccessRules(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address is this machine alone."""
+    """Whether an address reaches only this machine."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -1,4 +1,4 @@
-"""Covariances as they travel, and the 95 % ellipse and circle that the picture shows. Pure."""
+"""Covariances in messages, and the 95 % ellipse and circle that the picture shows. Pure."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def cot_events(targets: Iterable[TargetView], utc_ns: int, unit: str) -> list[by
             stale_s=COT_STALE_S,
             lat_deg=target.lat,
             lon_deg=target.lon,
-            hae_m=UNKNOWN_HAE_M,  # the geoid's height is the vehicles' receivers', and they may differ
+            hae_m=UNKNOWN_HAE_M,  # the vehicles' receivers give the geoid's height, and may differ
             horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / SIGMAS_95,
             vertical_sigma_m=nan,
             callsign=f"{target.label or 'target'} {target.id}",

@@ -1,4 +1,4 @@
-"""SHELL: a fleet's bus as an input of the picture; the fused picture goes back to it, and to maps."""
+"""SHELL: a fleet's bus as an input of the picture; publishes the fused picture to the bus and to maps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fwav_companion.ground.picture import GroundPicture
 
 
 class FleetInput:
-    """Subscribes to one fleet and publishes what it fused."""
+    """Subscribes to one fleet and publishes the fused picture."""
 
     def __init__(self, place: BusPlace, picture: GroundPicture, *, clock: Callable[[], float]) -> None:
         self._picture, self._clock = picture, clock

@@ -1,7 +1,7 @@
-"""Messages of vehicles as they arrive: joined, in order, on one clock, and with what is wrong about them. Pure.
+"""Intake of vehicles' messages: joins parts, drops late ones, maps times to one clock, and reports errors. Pure.
 
-A vehicle's clock may be off by any amount: its times count only by their differences. The least difference of arrival
-and stamp is taken as the offset, and what a message is later than that is its delay.
+A vehicle's clock may be off by any amount: only differences of its times count. The least difference of arrival and
+stamp is taken as the offset; the excess of a message's difference over it is the delay of that message.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from fwav_companion.fleet.payloads import SharedTrack, StateMessage, TracksMessa
 
 MAX_VEHICLES = 200
 MAX_SENDERS = 1000
-"""Names whose refused messages are counted."""
+"""Most names whose refused messages are counted."""
 OFFSETS_KEPT = 120
-"""A minute at 2 Hz."""
+"""Number of clock offsets that are kept: a minute at 2 Hz."""
 CLOCK_OFF_S = 2.0
-"""Offset that is reported: beyond any delay of a network that works."""
+"""Least clock offset that is reported, seconds: beyond any delay of a network that works."""
 LONGEST_DELAY_S = 5.0
 SESSION_S = 5.0
-"""Silence after which another sender may have a vehicle's name."""
+"""Silence after which another sender may use a vehicle's name, seconds."""
 REPEAT_S = 60.0
 """Least time between two reports of one kind about one vehicle."""
 
@@ -31,7 +31,7 @@ class WholeReport:
 
     vehicle: str
     at_unix: float
-    """Instant of validity, on this process's clock."""
+    """Instant of the tracks on this process's clock, Unix seconds."""
     bias: VehicleBias
     tracks: tuple[SharedTrack, ...]
 
@@ -48,13 +48,13 @@ class FleetSender:
     offsets: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS_KEPT))
 
     def delay_s(self, time_unix: float, now: float) -> float:
-        """Delay of a message beyond the quickest one's, seconds."""
+        """Delay of a message in excess of the fastest message's delay, seconds."""
         self.offsets.append(now - time_unix)
         return min(max(now - time_unix - min(self.offsets), 0.0), LONGEST_DELAY_S)
 
     @property
     def clock_offset_s(self) -> float:
-        """Offset of the vehicle's clock: ours minus its own, with the shortest delay, seconds."""
+        """Offset of the vehicle's clock: this process's clock minus it, including the shortest delay, seconds."""
         return min(self.offsets, default=0.0)
 
 
@@ -63,18 +63,18 @@ class FleetIntake:
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
-        """Messages by reason of their refusal."""
+        """Number of refused messages by reason."""
         self._senders: dict[str, FleetSender] = {}
         self._said: dict[tuple[str, str], float] = {}
         self._texts: list[tuple[str, str]] = []
 
     def take_texts(self) -> list[tuple[str, str]]:
-        """Vehicle and warning, since the last call."""
+        """(vehicle, warning) of each warning since the last call."""
         texts, self._texts = self._texts, []
         return texts
 
     def on_tracks(self, vehicle: str, data: bytes, now: float) -> WholeReport | None:
-        """The tracks of a vehicle where this message completes them."""
+        """All tracks of a vehicle if this message completes them; otherwise None."""
         message = decoded(data, TracksMessage)
         if isinstance(message, str):
             self._refuse(vehicle, message, now)
@@ -106,7 +106,7 @@ class FleetIntake:
         return None if self._sender(vehicle, message.session, now) is None else message
 
     def _sender(self, vehicle: str, session: str, now: float) -> FleetSender | None:
-        """The sender of a vehicle; None for a second one with its name, and where there is no room."""
+        """The sender of a vehicle; None for a second sender with its name, and if there is no room for another."""
         sender = self._senders.get(vehicle)
         if sender is None or (sender.session != session and now > sender.heard_unix + SESSION_S):
             if sender is None and len(self._senders) >= MAX_VEHICLES:

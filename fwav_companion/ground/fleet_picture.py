@@ -1,4 +1,4 @@
-"""A fleet's messages to the fused picture: what is shown, and what is published back. Pure."""
+"""Fuses a fleet's messages to one picture, shows it, and makes the message that publishes it. Pure."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from fwav_companion.ground.views import TargetView
 
 STEP_S = 0.5
 USED_BIASES = {"position_north": 0, "position_east": 1, "heading": 2}
-"""Columns of the fusion by a bias's name; what others do is noise."""
+"""Columns of the fusion by the name of a bias; the effects of all other biases count as noise."""
 LEAST_VARIANCE_M2 = 1e-4
 LARGEST_REACH_M = 200_000.0
-"""Places farther from the first one are not in this picture: one plane does not reach there."""
+"""Largest distance from the first place, metres: one tangent plane does not reach farther."""
 WARNING, NOTICE = 4, 5
 """MAV_SEVERITY."""
 
@@ -53,12 +53,12 @@ class FleetPicture:
         self._fusion.on_tracks(vehicle, [track for track in tracks if track is not None], sigmas, now)
 
     def on_alive(self, vehicle: str, there: bool, now: float) -> None:
-        """Take what the bus says of a vehicle's liveliness token."""
+        """Process a change of a vehicle's liveliness token on the bus."""
         if not there and vehicle in self._picture.vehicles:
             self._picture.say(vehicle, "left the fleet, or its network was cut", now, severity=WARNING)
 
     def step(self, now: float) -> list[bytes] | None:
-        """Fuse and show, twice a second; the message to publish, None between two steps."""
+        """Fuse and show the result twice a second; returns the message to publish, None between two steps."""
         if now < self._due_unix:
             return None
         self._due_unix = now + STEP_S
@@ -83,7 +83,7 @@ class FleetPicture:
         self._picture.on_vehicle(vehicle, now, **fields)
 
     def _reported(self, vehicle: str, track: SharedTrack, bias: VehicleBias, at_unix: float) -> ReportedTrack | None:
-        """The track in the common plane, its covariance split; None where it is out of reach."""
+        """The track in the common plane with its covariance split; None if it is out of reach."""
         place = Geodetic.from_degrees(track.lat, track.lon, track.alt_amsl or 0.0)
         if self._plane is None:
             self._plane = TangentPlane(place)
@@ -119,7 +119,7 @@ class FleetPicture:
         )
 
     def _show(self, now: float) -> None:
-        """Put the fused targets into the picture, and take out those that ended."""
+        """Add the fused targets to the picture, and remove those that ended."""
         targets = self._fusion.targets
         shown = {f"fleet/{target.id}" for target in targets}
         for old in targets_of(self._picture, "fused"):
@@ -190,12 +190,12 @@ def _sigmas(bias: VehicleBias) -> Array:
 
 
 def _square(values: tuple[float, ...]) -> Array:
-    """The horizontal part of a triangle."""
+    """The horizontal part of a covariance's upper triangle."""
     return np.array([[values[0], values[1]], [values[1], values[3]]])
 
 
 def _positive(cov: Array) -> Array:
-    """The nearest covariance: what rounding to three digits made negative is the least variance."""
+    """The nearest covariance: an eigenvalue that rounding to three digits made negative becomes the least variance."""
     values, vectors = np.linalg.eigh(cov)
     positive: Array = (vectors * np.maximum(values, LEAST_VARIANCE_M2)) @ vectors.T
     return positive

@@ -1,4 +1,4 @@
-"""What a camera sees on level ground: the corners of its image, intersected with the plane below. Pure."""
+"""Footprint of a camera on level ground: the rays of the image's corners, intersected with the ground plane. Pure."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.ground.views import LatLon
 
 STEEPEST_DEG = 80.0
-"""Angle off the nadir at which rays are cut: beyond, the ground is too far for a target to be located."""
+"""Largest angle of a ray from the nadir: beyond it, the ground is too far to locate a target."""
 LEAST_HEIGHT_M = 0.5
 CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 """Image corners, right and down, clockwise from the top left."""
 WIDEST_DEG = 150.0
-"""Field of view up to which corners of a plane image are drawn; a fisheye's are cut there."""
+"""Largest field of view for which corners of a plane image are drawn; that of a fisheye is limited to it."""
 
 
 def corner_rays(hfov_deg: float, vfov_deg: float) -> list[Vector3]:

@@ -30,11 +30,11 @@ class PictureInput(Protocol):
         """Do what is due; called ten times a second."""
 
     def close(self) -> None:
-        """End."""
+        """Release the input."""
 
 
 class GroundOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """The page's part of the command line."""
+    """Options of the page from the command line."""
 
     host: str
     port: int
@@ -63,7 +63,7 @@ class GroundClock:
 
 
 class GroundProcess:
-    """Everything that runs."""
+    """The ground process with all its parts."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class GroundProcess:
         tiles: TileFile | None = None,
         replays: bool = False,
     ) -> None:
-        """``clock``: time of the picture: this process's, or that of the recording that is replayed."""
+        """``clock``: time of the picture: that of this process, or of the replayed recording."""
         self._picture, self._inputs, self._clock, self._tiles = picture, inputs, clock, tiles
         name = socket.gethostname().lower()
         self._server = PageServer(

@@ -13,12 +13,12 @@ PERIOD_S = 1.0
 
 
 class MapOutput:
-    """Sends every living target to one address."""
+    """Sends every target that has not ended to one address."""
 
     def __init__(
         self, url: UdpUrl | TcpUrl, picture: GroundPicture, utc_ns: Callable[[], int | None], unit: str
     ) -> None:
-        """``utc_ns``: UTC; None where it is unknown: nothing is sent then, and that is reported."""
+        """``utc_ns``: UTC; None if it is unknown: then nothing is sent, which is reported."""
         self._url, self._picture, self._utc_ns, self._unit = url, picture, utc_ns, unit
         self._link = make_link("cot", url, lambda _name, _data: False, self._on_state)
         self._due_unix = 0.0

@@ -1,7 +1,7 @@
-"""The picture: every vehicle, target and text that is known, with bounds for each. Pure.
+"""The picture: all known vehicles, targets and texts, with a limit on the number of each. Pure.
 
-Each entry keeps the revision of its last change, so that a reader gets what changed since its last visit and no queue
-is needed: a slow reader skips states.
+Each entry keeps the revision of its last change, so that a reader gets the changes since its last visit. No queue is
+needed: a slow reader skips states.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ MAX_VEHICLES = 200
 MAX_TARGETS = 2000
 MAX_TEXTS = 200
 MAX_HISTORY = 600
-"""Ten minutes at one point a second."""
+"""Most points of a history: ten minutes at one point a second."""
 MAX_REMOVED = 2 * MAX_TARGETS
-"""Removals that are remembered; an older reader gets the whole picture."""
+"""Most removals that are remembered; a reader that missed older ones gets the whole picture."""
 MAX_TEXT = 200
-"""Characters of a text that are kept."""
+"""Most characters of a text that are kept."""
 SILENT_S = 5.0
-"""Five missed heartbeats (MAVLink, Heartbeat/Connection Protocol)."""
+"""Time without a message after which a vehicle is silent, seconds: five missed heartbeats (MAVLink,
+Heartbeat/Connection Protocol)."""
 GONE_S = 60.0
 """Time after which a lost or dropped target disappears."""
 FORGOTTEN_S = 1800.0
@@ -34,7 +35,7 @@ HISTORY_STEP_S = 1.0
 PATH_STEP_M = 0.5
 METRES_A_DEGREE = 111_320.0
 PRECEDENCE = {"text": 0, "mavlink": 1, "recording": 1, "status": 2, "fleet": 2, "fused": 3}
-"""Of two inputs that report the same target, the one that knows more of it counts while it is fresh."""
+"""Rank of each kind of input: if two report the same target, the higher one counts while it is fresh."""
 FRESH_S = 3.0
 ENDED = frozenset({"lost", "dropped"})
 WARNING = 4
@@ -48,7 +49,7 @@ class GroundPicture:
     def __init__(self) -> None:
         self.revision = 0
         self.refused = 0
-        """Number of vehicles and targets that found no place."""
+        """Number of vehicles and targets for which there was no room."""
         self._vehicles: dict[str, VehicleView] = {}
         self._targets: dict[str, TargetView] = {}
         self._texts: deque[TextView] = deque(maxlen=MAX_TEXTS)
@@ -103,7 +104,7 @@ class GroundPicture:
         self._removed.append((self._next(), target))
 
     def cover(self, targets: frozenset[str]) -> None:
-        """Show none of these targets until the next call: fused ones stand for them."""
+        """Hide these targets until the next call: fused targets replace them."""
         self._covered = targets
         for target in targets & self._targets.keys():
             self.remove_target(target)
@@ -146,7 +147,7 @@ class GroundPicture:
         return self._targets
 
     def update_since(self, revision: int, now: float) -> PictureUpdate:
-        """What changed after ``revision``; everything where that is 0, unknown, or too long ago."""
+        """Changes after ``revision``; the whole picture if it is 0, unknown, or too long ago."""
         whole = not max(1, self._forgotten_revision) <= revision <= self.revision
         since = 0 if whole else revision
         return PictureUpdate(
@@ -178,7 +179,7 @@ class GroundPicture:
         path.append(point)
 
     def _made_room(self) -> bool:
-        """Remove one target that has ended; false where every one lives."""
+        """Remove one target that has ended; false if none has."""
         ended = next((each.id for each in self._targets.values() if each.state in ENDED), None)
         if ended is None:
             return False
@@ -191,7 +192,7 @@ class GroundPicture:
 
 
 def _knows_more(known: TargetView, target: TargetView, now: float) -> bool:
-    """Whether a target is known by a better input than the one that reports it now."""
+    """Whether a fresh report of the target came from a better input than the present report."""
     better = PRECEDENCE.get(known.source, 0) > PRECEDENCE.get(target.source, 0)
     return better and now <= known.seen_unix + FRESH_S
 

@@ -1,4 +1,4 @@
-"""SHELL: the picture as JSON lines, once a second what changed; `--replay` plays it."""
+"""SHELL: records the changes of the picture once a second as JSON lines, which `--replay` plays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fwav_companion.ground.picture import GroundPicture
 
 PERIOD_S = 1.0
 MAX_BYTES = 2_000_000_000
-"""About a day of a hundred vehicles."""
+"""Largest size of a recording: about a day of a hundred vehicles."""
 
 
 class PictureRecorder:

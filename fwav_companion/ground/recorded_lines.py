@@ -1,4 +1,4 @@
-"""Lines of a targets file, or of a recording of this program, into the picture. Pure."""
+"""Reads lines of a targets file, or of a recording of this program, into the picture. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.views import PictureUpdate, TargetView
 
 VEHICLE = "1"
-"""A targets file has one vehicle, and does not name it."""
+"""Name of the vehicle of a targets file, which has one vehicle and does not name it."""
 
 
 class RecordedLines:
@@ -30,7 +30,7 @@ class RecordedLines:
         """Recording's clock minus the companion's monotonic clock, seconds."""
 
     def take(self, line: Mapping[str, Any], now: float) -> None:
-        """Take one line. Lines of other kinds have nothing for the picture."""
+        """Process one line. Lines of other kinds have no data for the picture."""
         match line.get("type"):
             case "header":
                 self.offset_s = line.get("unix_offset_s") or 0.0

@@ -1,4 +1,4 @@
-"""SHELL: a recording, played into the picture at 1 to 20 times its speed. Its clock is the picture's."""
+"""SHELL: plays a recording into the picture at 1 to 20 times its speed. The recording's clock is the picture's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fwav_companion.recording.lines import line_unix_s
 
 MAX_LINE_BYTES = 4_000_000
 MAX_LINES_A_TICK = 20_000
-"""Lines that one tick reads: the page stays alive at any density."""
+"""Most lines that one tick reads, so that the page stays responsive at any density of lines."""
 ACCEPTED = "accepted: a targets file of `run`, `replay` or `demo`, or a recording of `ground --record`"
 
 
@@ -55,7 +55,7 @@ class ReplayReader:
         self._picture.on_source(self._path, works=True, text=f"plays at {self._speed:g}x")
 
     def tick(self, now: float) -> None:
-        """Take the lines until now."""
+        """Process the lines up to the present instant."""
         for _ in range(MAX_LINES_A_TICK):
             if self._next is None or self._next[0] > now:
                 return

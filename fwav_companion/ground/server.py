@@ -18,9 +18,9 @@ from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.tiles import TileFile, TilesInfo
 
 MAX_CLIENTS = 32
-"""Pages that get events at once; a further one is refused."""
+"""Most pages that get events at the same time; a further one is refused."""
 SLOW_CLIENT_S = 20.0
-"""Time that one update may take to leave; a client that takes longer is disconnected, and comes back by itself."""
+"""Longest time to send one update, seconds; a slower client is disconnected, and reconnects by itself."""
 KEEP_ALIVE_S = 1.0
 """Longest time between two updates, so that a page knows that the connection lives."""
 RETRY_MS = 1000
@@ -41,13 +41,13 @@ PAGE_FILES = frozenset(
         "vendor/mgrs.js", "vendor/mgrs.LICENSE",
     }
 )  # fmt: skip
-"""Files that are served; nothing else of the disk is."""
+"""Files that are served; no other file is."""
 
 Handler: TypeAlias = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class PageSettings(msgspec.Struct, frozen=True, kw_only=True):
-    """What the page reads at its start."""
+    """Settings that the page reads at its start."""
 
     version: str
     title: str
@@ -112,7 +112,7 @@ class PageServer:
 
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Answer, or refuse by the access rules; every answer bears the security headers."""
+        """Answer, or refuse by the access rules; every answer has the security headers."""
         token = request.query.get("token", "")
         refusal = self._rules.refusal(request.headers, token, request.cookies.get(COOKIE, ""))
         if refusal is not None:
@@ -174,7 +174,7 @@ class PageServer:
         return None if utc_ns is None else one_document(cot_events(targets, utc_ns, self._unit))
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
-        """Server-Sent Events: all paths, the whole picture, then what changes."""
+        """Server-Sent Events: all paths, the whole picture, then its changes."""
         if len(self._clients) >= MAX_CLIENTS:
             return web.Response(status=503, text=f"{MAX_CLIENTS} pages are open: close one\n")
         response = web.StreamResponse(headers={**SECURITY_HEADERS, "Content-Type": "text/event-stream"})
@@ -191,7 +191,7 @@ class PageServer:
         return response
 
     async def _follow(self, response: web.StreamResponse) -> None:
-        """Send what changed, until the page is gone. A slow page skips states: nothing is queued for it."""
+        """Send changes until the page is gone. A slow page skips states: there is no queue for it."""
         loop = asyncio.get_running_loop()
         revision, sent_s = 0, -KEEP_ALIVE_S
         while True:

@@ -27,20 +27,20 @@ from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.scanner import Scanner
 
 STATION = 254
-"""Our system id: 255 is the one that other stations take."""
+"""System id of this station: other stations use 255."""
 COMPONENT = 190
 AUTOPILOT, CAMERA = 1, 100
 WANTED_HZ = {"GLOBAL_POSITION_INT": 4.0, "ATTITUDE": 4.0, "SYS_STATUS": 1.0, "GPS_RAW_INT": 1.0}
 REQUEST_STEP_S = 10.0
 MOST_REQUESTS = 6
-"""Rounds of requests that a vehicle gets: one that does not answer in a minute has no such message."""
+"""Most rounds of requests to a vehicle: if it does not answer in a minute, it does not have the message."""
 FRESH_S = 5.0
 """Age of a message up to which it needs no request."""
 MAX_VEHICLES = 200
 
 
 class Asked:
-    """What was asked of one vehicle."""
+    """Requests that were sent to one vehicle."""
 
     def __init__(self, link: str) -> None:
         self.link = link
@@ -48,11 +48,11 @@ class Asked:
         self.rounds = 0
         self.due_unix = 0.0
         self.heard: dict[str, float] = {}
-        """Instant of the newest message, by name, of those that are wanted."""
+        """Instant of the newest message of each wanted type, by name."""
 
 
 class PictureStation:
-    """Our station: its links, and what it asks."""
+    """The ground station: its links and its requests."""
 
     def __init__(
         self, urls: Sequence[LinkUrl], picture: GroundPicture, *, clock: Callable[[], float], hfov_deg: float | None
@@ -83,7 +83,7 @@ class PictureStation:
             link.close()
 
     def tick(self, now: float) -> None:
-        """Write what came to the picture; send the heartbeat and what is to be asked."""
+        """Write the received data to the picture; send the heartbeat and the requests that are due."""
         self.vehicles.flush(now)
         self._targets.flush(now)
         if now >= self._beat_unix + 1.0:

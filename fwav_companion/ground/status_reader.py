@@ -1,4 +1,4 @@
-"""SHELL: the status of a `run` on this board or another: all its tracks, and what `check` says."""
+"""SHELL: reads the status of a `run` on this board or another: all its tracks, and the findings of `check`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ PERIOD_S = 1.0
 STALE_S = 5.0
 CHECK_PERIOD_S = 10.0
 MAX_BYTES = 262_144
-"""Four times the largest status."""
+"""Most bytes that are read: four times the largest status."""
 TIMEOUT_S = 5.0
 MAX_CHECKS = 12
 
 Understand = Callable[[Any], RunStatus | None]
-"""The decoded JSON as a status; None where it is not one."""
+"""Function that converts decoded JSON to a status; None if it is not one."""
 Judge = Callable[[RunStatus], tuple[str, ...]]
-"""What `check` says of a status. It may block."""
+"""Function that gives the findings of `check` for a status. It may block."""
 
 
 class StatusReader:
@@ -57,7 +57,7 @@ class StatusReader:
         self._task = asyncio.get_running_loop().create_task(self._read_each_second())
 
     def tick(self, now: float) -> None:
-        """Nothing is due between two readings."""
+        """Do nothing: the reading task does all the work."""
 
     def close(self) -> None:
         """Stop reading."""
@@ -100,7 +100,7 @@ class StatusReader:
         if not stale and now >= self._judged_unix + CHECK_PERIOD_S:
             self._judged_unix = now
             self._checks = (await asyncio.to_thread(self._judge, status))[:MAX_CHECKS]
-        if status.autopilot is None and not stale:  # there is no vehicle yet that could show what `check` says
+        if status.autopilot is None and not stale:  # there is no vehicle yet to show the findings of `check` at
             text = f"read, no autopilot yet. {'; '.join(self._checks[:1])}".strip()
         self._picture.on_source(self._where, works=not stale, text=text)
         if status.autopilot is None or stale:
@@ -124,7 +124,7 @@ class StatusReader:
 
 
 def view_of(vehicle: str, track: TrackReport, now: float) -> TargetView | None:
-    """The track for the picture; None without a place on the earth."""
+    """The track as a target of the picture; None without a place on the earth."""
     if track.lat is None or track.lon is None:
         return None
     cov = from_triangle(track.cov)
@@ -146,6 +146,6 @@ def view_of(vehicle: str, track: TrackReport, now: float) -> TargetView | None:
 
 
 def _head(path: Path) -> bytes:
-    """The file, as far as a status can be long."""
+    """The first MAX_BYTES of the file, longer than any status."""
     with path.open("rb") as file:
         return file.read(MAX_BYTES)

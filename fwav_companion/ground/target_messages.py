@@ -1,7 +1,7 @@
-"""MAVLink messages to targets, texts and readiness. Pure.
+"""Decodes MAVLink messages to targets, texts and readiness. Pure.
 
-CAMERA_TRACKING_GEO_STATUS has the selected target of a vehicle; TGT_ID and TGT_R95 its number and the radius of its
-95 % circle. Other targets are known by the texts that report them found or lost.
+CAMERA_TRACKING_GEO_STATUS has the selected target of a vehicle; TGT_ID and TGT_R95 have its number and the radius of
+its 95 % circle. Other targets are known from the texts that report them found or lost.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fwav_companion.publishing.enums import (
 from fwav_companion.types import Message
 
 RADIUS_OF_SIGMA = 2.4477
-"""Radius of the 95 % circle over the larger semi-axis, at most: the root of -2 ln 0.05, for a round ellipse."""
+"""Largest ratio of the 95 % circle's radius to the larger semi-axis: the root of -2 ln 0.05, for a round ellipse."""
 VALUE_AGE_S = 2.0
 """Age of a named value beyond which it no longer belongs to the status message."""
 AUTOPILOT = 1
@@ -53,7 +53,7 @@ class TargetMessages:
         self._labels: dict[str, str] = {}
 
     def on_message(self, message: Message, now: float) -> None:
-        """Take one message of a known vehicle."""
+        """Process one message of a known vehicle."""
         match message.name:
             case "CAMERA_TRACKING_GEO_STATUS":
                 self._on_geo_status(message, now)
@@ -65,7 +65,7 @@ class TargetMessages:
                     self._on_text(message.system, message.component, message.fields.severity, text=text, now=now)
 
     def flush(self, now: float) -> None:
-        """Show texts whose missing chunks did not come."""
+        """Show texts whose missing chunks did not arrive."""
         for system, severity, text in self._texts.overdue(now):
             self._picture.say(str(system), text, now, severity=severity)
 
@@ -130,7 +130,7 @@ class TargetMessages:
             self._on_report(vehicle, report, now)
 
     def _on_report(self, vehicle: str, report: re.Match[str], now: float) -> None:
-        """Take a target that a text reports found or lost; a track that the camera reports is not replaced by it."""
+        """Add a target that a text reports found or lost; it does not replace a track that the camera reports."""
         identity = f"{vehicle}/{report['track']}"
         self._labels[identity] = report["label"]
         while len(self._labels) > 4096:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 MAX_OPEN = 32
-"""Texts that wait for chunks."""
+"""Most texts that wait for chunks."""
 MAX_CHUNKS = 8
-"""Chunks of one text, 400 characters; ours have four at most."""
+"""Most chunks of one text, 400 characters; this project's texts have at most four."""
 CHUNK_CHARACTERS = 50
 WAIT_S = 2.0
 """Time after which a text is shown without its missing chunks."""
@@ -21,7 +21,7 @@ class TextChunks:
         self._open: dict[tuple[int, int, int], tuple[float, int, dict[int, str]]] = {}
 
     def add(self, sender: tuple[int, int], fields: Any, now: float) -> str | None:
-        """The whole text where this chunk completes it. A chunk with fewer than 50 bytes is the last."""
+        """The whole text if this chunk completes it; otherwise None. A chunk with fewer than 50 bytes is the last."""
         if fields.id == 0:
             return str(fields.text)
         key = (*sender, fields.id)
@@ -38,7 +38,7 @@ class TextChunks:
         return "".join(chunks[at] for at in range(last + 1))
 
     def overdue(self, now: float) -> Iterator[tuple[int, int, str]]:
-        """System, severity and text of those whose missing chunks did not come; "..." stands for these."""
+        """System, severity and text of each text whose missing chunks did not arrive; "..." replaces those chunks."""
         for key in [key for key, (since, _, _) in self._open.items() if now > since + WAIT_S]:
             _, severity, chunks = self._open.pop(key)
             whole = "".join(chunks.get(at, "...") for at in range(max(chunks) + 1)) if chunks else ""

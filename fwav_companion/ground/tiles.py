@@ -18,7 +18,7 @@ MAX_ZOOM = 24
 
 
 class TilesInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What the page must know of the file."""
+    """Description of the file for the page."""
 
     min_zoom: int
     max_zoom: int
@@ -62,7 +62,7 @@ class TileFile:
 
 
 def _info(database: sqlite3.Connection) -> TilesInfo:
-    """What the file says of its tiles. LookupError where it has none with pictures."""
+    """The file's description of its tiles. LookupError if it has no tiles with pictures."""
     metadata = dict(database.execute("SELECT name, value FROM metadata").fetchall())
     low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
     if low is None or metadata.get("format") == "pbf":

@@ -1,6 +1,7 @@
-"""MAVLink messages to the state of vehicles. Pure.
+"""Decodes MAVLink messages to the state of vehicles. Pure.
 
-Fields are collected as they come, and written to the picture once a tick: fifty vehicles at 50 Hz cost little so.
+Fields are collected as they arrive, and written to the picture once a tick, so that fifty vehicles at 50 Hz cost
+little.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ FOOTPRINT_STEP_S = 0.2
 COMPANION_SILENT_S = 5.0
 FIRMWARE = {MAV_AUTOPILOT_ARDUPILOTMEGA: "ArduPilot", MAV_AUTOPILOT_PX4: "PX4"}
 TYPES = {1: "plane", 2: "copter", 10: "rover", 11: "boat", 13: "copter", 14: "copter", 16: "flapping wing", 20: "VTOL"}
-"""MAV_TYPE in words, of those in use here."""
+"""MAV_TYPE in words, for the types in use here."""
 GPS_FIXES = ("no GPS", "no fix", "2D", "3D", "DGPS", "RTK float", "RTK fixed", "static", "PPP")
 """GPS_FIX_TYPE in words."""
 UNKNOWN_U16 = 0xFFFF
 
 
 class VehicleMemory:
-    """What was received of one vehicle and is not yet in the picture."""
+    """Data received from one vehicle that are not yet in the picture."""
 
     def __init__(self) -> None:
         self.changes: dict[str, Any] = {}
         self.heard_unix: float | None = None
         """Instant of the newest heartbeat that is not written yet."""
         self.known = False
-        """Whether an autopilot's heartbeat came."""
+        """Whether a heartbeat of an autopilot was received."""
         self.place: Geodetic | None = None
         self.height_m: float | None = None
         self.attitude: Quaternion | None = None
@@ -75,7 +76,7 @@ class VehicleMessages:
         }
 
     def on_message(self, message: Message, now: float) -> None:
-        """Take one message of any sender."""
+        """Process one message of any sender."""
         handler = self._handlers.get(message.name)
         if handler is None:
             return
@@ -87,7 +88,7 @@ class VehicleMessages:
         handler(memory, message, now)
 
     def flush(self, now: float) -> None:
-        """Write what came since the last call to the picture."""
+        """Write the fields received since the last call to the picture."""
         for system, memory in self._memories.items():
             if memory.known and memory.companion_unix is not None and now > memory.companion_unix + COMPANION_SILENT_S:
                 memory.changes["companion"], memory.companion_unix = "silent", None
@@ -185,7 +186,7 @@ class VehicleMessages:
             memory.field_of_view_deg = (fields.hfov, fields.vfov)
 
     def _add_footprint(self, memory: VehicleMemory, now: float) -> None:
-        """Add what the camera sees, at most five times a second."""
+        """Add the camera's footprint, at most five times a second."""
         if memory.place is None or memory.height_m is None or memory.attitude is None:
             return
         view = memory.field_of_view_deg or (None if self._hfov_deg is None else (self._hfov_deg, 0.75 * self._hfov_deg))

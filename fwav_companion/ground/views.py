@@ -1,4 +1,4 @@
-"""What the page, the exports and the recording receive: plain structs, encoded as JSON. Pure.
+"""Plain structs for the page, the exports and the recording, encoded as JSON. Pure.
 
 Angles are degrees, lengths metres, instants Unix seconds of this process. Unknown is null.
 """
@@ -57,11 +57,11 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     ready: bool | None = None
     """Whether it can localize targets, by its own report; None: not reported yet."""
     readiness: str | None = None
-    """That report."""
+    """Text of that readiness report."""
     checks: tuple[str, ...] = ()
-    """What `check` says by the status file, worst first."""
+    """Findings of `check` from the status file, worst first."""
     footprint: tuple[LatLon, ...] = ()
-    """Corners of what the camera sees on the ground; empty: not known."""
+    """Corners of the camera's footprint on the ground; empty if not known."""
 
 
 class TargetView(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,9 +90,9 @@ class TargetView(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     """mavlink | text | status | fleet | fused | recording."""
     vehicles: dict[str, str] = {}
-    """Fused target: track by vehicle."""
+    """For a fused target: track number by vehicle."""
     left_out: dict[str, str] = {}
-    """Fused target: reason by vehicle."""
+    """For a fused target: the reason why a vehicle is left out, by vehicle."""
 
 
 class TextView(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,7 +112,7 @@ class SourceView(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     works: bool
     text: str
-    """State, and what to do where it does not work."""
+    """State, and the remedy if it does not work."""
 
 
 class PictureUpdate(msgspec.Struct, frozen=True, kw_only=True):
@@ -120,7 +120,7 @@ class PictureUpdate(msgspec.Struct, frozen=True, kw_only=True):
 
     revision: int
     whole: bool
-    """Whether entries that are not in it are gone."""
+    """Whether this is the whole picture: entries that are not in it no longer exist."""
     now_unix: float
     """Time of the picture: the clock of this process, or of the recording that is replayed."""
     vehicles: list[VehicleView]

@@ -1,8 +1,8 @@
-"""Which tracks of which vehicles are one target. Pure.
+"""Association of the vehicles' tracks with targets. Pure.
 
-A target keeps its tracks while they agree with it: numbers that a detector or another vehicle gives are never taken as
-equal, labels are kept apart. A vehicle that is new here is registered as a pattern first; then each further track goes
-to the nearest target within the gate of both covariances.
+A target keeps its tracks while they agree with it. Numbers from a detector or from another vehicle never identify a
+target; tracks with different labels are never associated. A vehicle that is new here is registered as a pattern first;
+then each further track is associated with the nearest target within the gate of both covariances.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from fwav_companion.ground.fusion.reported_tracks import Array, ReportedTrack, R
 GATE = 13.82
 """NIS with 2 degrees of freedom that 1 of 1000 true pairs exceeds."""
 RELEASE_GATE = 18.42
-"""1 of 10 000: a track leaves its target beyond it ..."""
+"""NIS that 1 of 10 000 true pairs exceeds: a track leaves its target after exceeding it for RELEASE_STEPS."""
 RELEASE_STEPS = 4
-"""... this many steps in a row."""
+"""Steps in a row beyond RELEASE_GATE after which a track leaves its target."""
 MERGE_GATE = 9.21
-"""1 of 100: two targets without a common vehicle are one within it, if each is the other's nearest."""
+"""NIS that 1 of 100 true pairs exceeds: within it, two targets without a common vehicle are merged, if each is the
+other's nearest."""
 CELL_M = 25.0
-"""Cell of the index of places; a gate is not wider."""
+"""Side of a cell in the index of places, metres; a gate is not wider."""
 PATTERN = 2
-"""Tracks without a target from which on a vehicle is registered as a pattern."""
+"""Least number of tracks without a target for which a vehicle is registered as a pattern."""
 TOLERANCE_SIGMAS = 3.0
 
 
@@ -67,7 +68,7 @@ def nis(difference: Array, cov: Array) -> float:
 
 
 def release(books: TargetBooks, vehicles: dict[str, ReportingVehicle], now: float) -> None:
-    """Take from targets the tracks that are gone, or that have disagreed for a while."""
+    """Remove from the targets the tracks that have ended, or that have disagreed for RELEASE_STEPS."""
     for key, target_id in list(books.of_track.items()):
         vehicle = vehicles.get(key[0])
         track = None if vehicle is None else vehicle.tracks.get(key[1])
@@ -85,7 +86,7 @@ def release(books: TargetBooks, vehicles: dict[str, ReportingVehicle], now: floa
 
 
 def associate(books: TargetBooks, vehicle: ReportingVehicle, index: PlaceIndex, now: float) -> None:
-    """Give each confirmed track without a target the one that it is of, or a new one."""
+    """Associate each confirmed track without a target with an existing target, or initiate a new one."""
     waiting = [track for track in vehicle.tracks.values() if track.confirmed and track.key not in books.of_track]
     if not waiting:
         return
@@ -115,7 +116,7 @@ def associate(books: TargetBooks, vehicle: ReportingVehicle, index: PlaceIndex, 
 
 
 def merge_targets(books: TargetBooks) -> None:
-    """Merge targets that are one: of one label, without a common vehicle, each the other's nearest within the gate."""
+    """Merge targets with one label and without a common vehicle that are each other's nearest within the gate."""
     index = PlaceIndex(books.targets.values())
     nearest: dict[int, int] = {}
     for target in books.targets.values():
@@ -136,7 +137,7 @@ def merge_targets(books: TargetBooks) -> None:
 def _candidates(
     vehicle: ReportingVehicle, track: ReportedTrack, index: PlaceIndex, *, shift: Array, now: float
 ) -> list[tuple[float, FusedTarget]]:
-    """Targets within the gate, with their distance from where the pattern says the track is."""
+    """Targets within the gate, with their distance from the track's place after the pattern's shift."""
     position, spread = vehicle.corrected(track, now), vehicle.spread(track)
     found = []
     for target in index.near(track.label, position):
@@ -149,7 +150,7 @@ def _candidates(
 
 
 def _pattern_shift(vehicle: ReportingVehicle, waiting: Sequence[ReportedTrack], index: PlaceIndex, now: float) -> Array:
-    """Shift of the vehicle's pattern within what its biases allow; zero where no two tracks agree."""
+    """Shift of the vehicle's pattern; zero if it exceeds what the biases allow, or if no two tracks agree on it."""
     near: dict[int, FusedTarget] = {}
     for track in waiting:
         for target in index.near(track.label, vehicle.corrected(track, now)):
@@ -171,6 +172,6 @@ def _pattern_shift(vehicle: ReportingVehicle, waiting: Sequence[ReportedTrack], 
 
 
 def tolerance_m(tracks: Sequence[ReportedTrack]) -> float:
-    """How far the shifts of two tracks of one vehicle may differ: by their noise, on both sides."""
+    """Largest difference of the shifts of two tracks of one vehicle, metres, by the noise of both."""
     mean = float(np.mean([0.5 * np.trace(track.noise) for track in tracks]))
     return max(1.0, TOLERANCE_SIGMAS * float(np.sqrt(2.0 * mean)))

@@ -1,14 +1,14 @@
-"""All targets and all vehicles' biases at once: weighted least squares with the targets eliminated. Pure.
+"""Joint estimate of all targets and all vehicles' biases: weighted least squares with the targets eliminated. Pure.
 
-Parts that vehicles may share are treated by split covariance intersection (Julier & Uhlmann 2001; Li & Nashashibi
-2013): the shared covariance C of a track counts as C / w, with weights w of one target's tracks that add up to one. For
-any correlation of the shared parts the claim then holds. Where they are the same in all tracks it is exact: K tracks
+Errors that vehicles may share are treated by split covariance intersection (Julier & Uhlmann 2001; Li & Nashashibi
+2013): the shared covariance C of a track counts as C / w, with weights w of one target's tracks that add up to one. The
+claim then holds for any correlation of the shared errors. If they are the same in all tracks, it is exact: K tracks
 with weights 1 / K give C + N / K.
 
 In numpy, with z = X + J b + e, cov(e) = M = N + C / w and b ~ (0, Sigma)::
 
-    A = sum inv(M);  B = sum inv(M) J                                            # of one target
-    S = inv(Sigma) + sum J' inv(M) J - sum B' inv(A) B                           # of the biases
+    A = sum inv(M);  B = sum inv(M) J                                            # information of one target
+    S = inv(Sigma) + sum J' inv(M) J - sum B' inv(A) B                           # information of the biases
     cov(b) = inv(S);  b = inv(S) (sum J' inv(M) z - sum B' inv(A) sum inv(M) z)
     X = inv(A) (sum inv(M) z - B b);  cov(X) = inv(A) + inv(A) B inv(S) B' inv(A)
 """
@@ -23,7 +23,7 @@ import numpy as np
 from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, Indices, ReportedTrack
 
 SMALLEST_SIGMA = 1e-4
-"""Least prior sigma of a bias: keeps the algebra regular where a vehicle states none."""
+"""Least prior sigma of a bias: keeps the equations regular if a vehicle states no sigma."""
 NOISE_FLOOR_M2 = 0.01**2
 
 
@@ -32,15 +32,15 @@ class BiasSolution:
     """Targets and biases, in the order in which they were given."""
 
     targets: Array
-    """North and east, metres: one row a target."""
+    """Positions, north and east, metres, one row a target."""
     target_covs: Array
     biases: Array
-    """One row a vehicle."""
+    """Estimated biases, one row a vehicle."""
     bias_covs: Array
 
 
 def intersection_weights(covs: Array, targets: Indices, count: int) -> Array:
-    """Weight of each track among those of its target, by the inverse of its total variance."""
+    """Weight of each track among the tracks of its target: proportional to the inverse of its total variance."""
     information = 1.0 / np.trace(covs, axis1=1, axis2=2)
     weights: Array = information / np.bincount(targets, information, count)[targets]
     return weights

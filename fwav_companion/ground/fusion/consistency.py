@@ -1,7 +1,7 @@
-"""Which vehicle is wrong, where one is; and where two disagree without a third. Pure.
+"""Detection of a vehicle that is wrong, and of two vehicles that disagree without a third. Pure.
 
-A vehicle is wrong when the shift of its targets against those that at least two others agree on is far beyond what it
-states of its own biases. Of two vehicles that disagree, neither is blamed.
+A vehicle is wrong if the shift of its targets against targets on which at least two others agree is far beyond the
+sigmas that it states for its own biases. If only two vehicles disagree, neither is blamed.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from fwav_companion.ground.fusion.registration import registered
 from fwav_companion.ground.fusion.reported_tracks import Array, ReportingVehicle
 
 WRONG = 18.42
-"""NIS of a shift that 1 of 10 000 right vehicles exceeds."""
+"""NIS of a shift (2 dof) that 1 of 10 000 right vehicles exceeds."""
 WRONG_BIASES = 21.11
-"""The same of three estimated biases."""
+"""NIS of three estimated biases that 1 of 10 000 right vehicles exceeds."""
 RIGHT = 9.21
-"""NIS within which a vehicle that was left out is admitted again: 99 % of right ones are."""
+"""NIS within which a vehicle that was left out is admitted again: 99 % of right vehicles are within it."""
 LEAST_VOTES = 3
-"""Tracks that must agree on the shift: two agree by chance where targets are dense."""
+"""Least number of tracks that agree on the shift: two agree by chance where targets are dense."""
 LEAST_SHARE = 0.6
 """Share of the vehicle's tracks near others' targets that must agree."""
 CELLS = 2
@@ -36,13 +36,13 @@ class VehicleShift:
 
     metres: Array
     nis: float
-    """Against the stated biases, 2 degrees of freedom."""
+    """Normalised square of the shift by the stated bias sigmas, 2 degrees of freedom."""
     others: tuple[str, ...]
-    """Vehicles that see the targets against which it is shifted, those with most of them first."""
+    """Other vehicles that see these targets, those with most of them first."""
     corroborated: bool
-    """Whether most of these targets are seen by two others or more, which agree."""
+    """Whether most of these targets are seen by at least two others, which agree."""
     pairs: dict[int, int]
-    """Target by track."""
+    """Target id by track number."""
 
     @property
     def length_m(self) -> float:
@@ -51,9 +51,9 @@ class VehicleShift:
 
 
 def shift_of(vehicle: ReportingVehicle, index: PlaceIndex, now: float) -> VehicleShift | None:
-    """The shift of a vehicle against targets that others see; None where too few tracks agree on one.
+    """The shift of a vehicle against targets that others see; None if too few tracks agree on one.
 
-    The shift is measured without the vehicle's estimated biases, which may have followed it.
+    The shift is measured without the vehicle's estimated biases, which may already include it.
     """
     tracks = [track for track in vehicle.tracks.values() if track.confirmed]
     near: dict[int, FusedTarget] = {}
@@ -94,7 +94,8 @@ def wrong_by_biases(
 ) -> tuple[str, float] | None:
     """The vehicle whose estimated biases are furthest beyond its prior, if two others corroborate; with its NIS.
 
-    In a joint solution of three, a wrong vehicle takes two thirds of its error, and each of the others a third of it.
+    In a joint solution of three vehicles, two thirds of a wrong vehicle's error are assigned to it, and a third to each
+    of the others.
     """
     corroborated: Counter[str] = Counter()
     for target in targets:

@@ -1,4 +1,4 @@
-"""One picture of many vehicles' tracks. Pure: it is handed the time."""
+"""Fusion of many vehicles' tracks to one picture. Pure: it is handed the time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FRESH_S = 5.0
 """Age of a vehicle's report beyond which its tracks no longer count: at 2 Hz ten reports are missing."""
 MAX_VEHICLES = 200
 MAX_TRACKS = 256
-"""Tracks of one vehicle."""
+"""Most tracks of one vehicle."""
 LOOK_S = 2.0
 """Interval at which each vehicle's shift is examined."""
 REBUILD_S = 5.0
@@ -30,20 +30,20 @@ ADMIT_S = 10.0
 
 @dataclass(slots=True)
 class LeftOut:
-    """A vehicle that does not count."""
+    """A vehicle that is left out of the fusion."""
 
     reason: str
     agrees_unix: float | None = None
-    """Since when it has agreed with the others."""
+    """Instant since which it has agreed with the others, Unix seconds; None while it does not."""
     pairs: dict[int, int] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
 class FusionReport:
-    """What people must know: each text once, when it begins or ends."""
+    """Events that people must know: each is reported once, when it begins or ends."""
 
     texts: list[tuple[str, str, bool]] = field(default_factory=list)
-    """Vehicle, text, whether it is a warning."""
+    """(vehicle, text, whether it is a warning) of each event."""
 
 
 class FleetFusion:
@@ -53,7 +53,7 @@ class FleetFusion:
         self.vehicles: dict[str, ReportingVehicle] = {}
         self.left_out: dict[str, LeftOut] = {}
         self.disagreements: set[frozenset[str]] = set()
-        """Pairs of vehicles that disagree without a third."""
+        """Pairs of vehicles that disagree, without a third that decides."""
         self._books = TargetBooks()
         self._looked_unix: dict[str, float] = {}
         self._rebuilt_unix = 0.0
@@ -65,7 +65,7 @@ class FleetFusion:
         return list(self._books.targets.values())
 
     def on_tracks(self, name: str, tracks: Sequence[ReportedTrack], sigmas: Array, now: float) -> bool:
-        """Replace the tracks of a vehicle; false where there is no room for another vehicle."""
+        """Replace the tracks of a vehicle; false if there is no room for another vehicle."""
         vehicle = self.vehicles.get(name)
         if vehicle is None:
             if len(self.vehicles) >= MAX_VEHICLES:
@@ -77,7 +77,7 @@ class FleetFusion:
         return True
 
     def take_report(self) -> FusionReport:
-        """What happened since the last call."""
+        """Events since the last call."""
         report, self._report = self._report, FusionReport()
         return report
 
@@ -99,7 +99,7 @@ class FleetFusion:
         self._mark_left_out()
 
     def _solve(self, counting: dict[str, ReportingVehicle], now: float) -> None:
-        """Positions of all targets, and biases of all vehicles that share some."""
+        """Solve for the positions of all targets, and for the biases of all vehicles with a common target."""
         books = self._books
         keys = [key for key in books.of_track if key[0] in counting]
         if not keys:
@@ -107,7 +107,7 @@ class FleetFusion:
         names = {name: index for index, name in enumerate(dict.fromkeys(key[0] for key in keys))}
         order = {target_id: index for index, target_id in enumerate(books.targets)}
         tracks = [counting[name].tracks[track] for name, track in keys]
-        # Differences about the middle keep the digits: a plane may reach over hundreds of kilometres.
+        # Differences from the middle keep the digits: a plane may reach over hundreds of kilometres.
         positions = np.array([track.at(now) for track in tracks])
         middle = positions.mean(axis=0)
         solution = solve(
@@ -163,7 +163,7 @@ class FleetFusion:
                 self._report.texts.append((first, text, True))
 
     def _agrees(self, name: str) -> None:
-        """End a disagreement of which this vehicle is the first; the second is examined in its own turn."""
+        """End the disagreements of this vehicle, and report them."""
         for pair in [pair for pair in self.disagreements if name in pair]:
             self.disagreements.discard(pair)
             first, second = sorted(pair)
@@ -193,7 +193,7 @@ class FleetFusion:
             self._report.texts.append((name, "agrees with the others again: counts", False))
 
     def _mark_left_out(self) -> None:
-        """Note at each target which vehicles see it and do not count."""
+        """Record at each target the left-out vehicles that see it."""
         for target in self._books.targets.values():
             target.left_out = {}
         for name, left in self.left_out.items():
@@ -206,7 +206,7 @@ class FleetFusion:
             self._books.leave(*key)
 
     def _forget(self, name: str) -> None:
-        """Forget a silent vehicle; that it is silent is reported by its liveliness."""
+        """Forget a silent vehicle; its liveliness token reports the silence."""
         self._remove_tracks(name)
         del self.vehicles[name]
         self.left_out.pop(name, None)
@@ -215,7 +215,7 @@ class FleetFusion:
 
 
 def _fuse_heights(target: FusedTarget, tracks: Sequence[ReportedTrack]) -> None:
-    """Height by covariance intersection with weights by information: what vehicles share of it is not known apart."""
+    """Fuse the heights by covariance intersection with weights by information: their common errors are not known."""
     information = [1.0 / max(track.down_variance, 1e-4) for track in tracks]
     total = sum(information)
     target.down_m = sum(weight * track.down_m for weight, track in zip(information, tracks, strict=True)) / total

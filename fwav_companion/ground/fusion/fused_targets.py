@@ -1,4 +1,4 @@
-"""One target of the fused picture, and the books of which tracks it has. Pure."""
+"""A target of the fused picture, and the record of the tracks of each target. Pure."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ class FusedTarget:
     seen_unix: float
     """Instant of the newest fix of any of its tracks."""
     members: dict[str, int] = field(default_factory=dict)
-    """Track by vehicle."""
+    """Track number by vehicle."""
     left_out: dict[str, str] = field(default_factory=dict)
     """Reason by vehicle whose track of this target does not count."""
     position: Array = field(default_factory=lambda: np.zeros(2))
     """North and east, metres."""
     cov: Array = field(default_factory=lambda: np.eye(2))
-    """Covariance by every source of error, m^2."""
+    """Covariance including every source of error, m^2."""
     down_m: float = 0.0
     down_variance: float = 1.0
     confirmed: bool = False
-    """Whether a confirmed track of it is fresh."""
+    """Whether one of its confirmed tracks is fresh."""
     apart: dict[str, int] = field(default_factory=dict)
-    """Steps in a row in which a vehicle's track disagreed."""
+    """Number of steps in a row in which the track of each vehicle disagreed."""
 
 
 class TargetBooks:
@@ -44,20 +44,20 @@ class TargetBooks:
         self._next = 1
 
     def new(self, label: str, now: float) -> FusedTarget:
-        """A further target without tracks."""
+        """A new target without tracks."""
         target = FusedTarget(id=self._next, label=label, first_unix=now, seen_unix=now)
         self.targets[self._next] = target
         self._next += 1
         return target
 
     def join(self, target: FusedTarget, vehicle: str, track: int) -> None:
-        """Add a track to a target; a vehicle has one track of it."""
+        """Add a track to a target; a vehicle has at most one track of a target."""
         self.leave(vehicle, track)
         target.members[vehicle] = track
         self.of_track[vehicle, track] = target.id
 
     def leave(self, vehicle: str, track: int) -> None:
-        """Take a track from its target; a target without tracks ends."""
+        """Remove a track from its target; a target without tracks is deleted."""
         target = self.targets.get(self.of_track.pop((vehicle, track), 0))
         if target is None:
             return
@@ -68,7 +68,7 @@ class TargetBooks:
             del self.targets[target.id]
 
     def renamed(self, rebuilt: TargetBooks) -> TargetBooks:
-        """Other books of the same tracks, with the ids and first instants of these where most tracks are the same."""
+        """The rebuilt books, in which a target with most tracks of a present target has its id and first instant."""
         common = Counter((at, self.of_track[key]) for key, at in rebuilt.of_track.items() if key in self.of_track)
         own: dict[int, int] = {}
         taken: set[int] = set()

@@ -1,7 +1,7 @@
-"""A second opinion on the association: all tracks associated from nothing, with the biases as they are known now. Pure.
+"""Rebuilds the association from all tracks, with the present estimates of the biases. Pure.
 
-Early decisions were made before the biases were known, and two targets with swapped tracks hold each other in place.
-The rebuilt association replaces the present one where it explains the tracks better.
+Early decisions were made before the biases were known, and two targets with swapped tracks keep each other in place.
+The rebuilt association replaces the present one if it explains the tracks better.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from fwav_companion.ground.fusion.fused_targets import TargetBooks
 from fwav_companion.ground.fusion.reported_tracks import ReportingVehicle
 
 TARGET_COST = 9.21
-"""Cost of a further target, as NIS: what 1 of 100 true tracks exceeds."""
+"""Cost of a further target, as an NIS (2 dof) that 1 of 100 true tracks exceeds."""
 BETTER = 5.0
 """Cost by which the rebuilt association must be better."""
 
 
 def improved(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> TargetBooks | None:
-    """The rebuilt association with the present ids; None where the present one is as good."""
+    """The rebuilt association with the present ids; None if the present association is as good."""
     rebuilt = TargetBooks()
     index = PlaceIndex(())
     for vehicle in sorted(vehicles.values(), key=lambda each: (-len(each.tracks), each.name)):
@@ -32,7 +32,7 @@ def improved(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: 
 
 
 def _cost(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> float:
-    """How badly the targets explain their tracks, with a cost for every target."""
+    """Cost of an association: the misfit of the tracks with their targets, and a cost for every target."""
     cost = 0.0
     for target in books.targets.values():
         cost += TARGET_COST

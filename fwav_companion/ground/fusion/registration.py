@@ -1,7 +1,7 @@
-"""How far a vehicle's pattern of targets is shifted against the targets that others see. Pure.
+"""Registration: the shift of a vehicle's pattern of targets against the targets that others see. Pure.
 
-Every pair of a track and a target with its label votes for the shift between them. The shift with the most tracks that
-agree on it is the vehicle's: a single nearest neighbour would be wrong where targets are as dense as the shift is long.
+Every pair of a track and a target with its label votes for the shift between them. The shift on which most tracks agree
+is the vehicle's. A nearest neighbour would be wrong if the targets are as close together as the shift is long.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from fwav_companion.ground.fusion.reported_tracks import Array
 
 REACH_M = 40.0
-"""Longest shift that is looked for: several times the worst error of a receiver that still reports a 3D fix."""
+"""Longest shift of the search, metres: several times the worst error of a receiver that still reports a 3D fix."""
 MAX_PAIRS = 400
-"""Pairs that vote; of more, the shortest shifts do."""
+"""Most pairs that vote; if there are more, those with the shortest shifts vote."""
 
 
 @dataclass(slots=True)
@@ -24,7 +24,7 @@ class Shift:
     """The shift of one vehicle."""
 
     metres: Array
-    """North and east: the vehicle's minus the others'."""
+    """North and east of the shift, metres: the vehicle's places minus the others'."""
     pairs: list[tuple[int, int]]
     """Indices of track and target that agree on it."""
 
@@ -37,7 +37,7 @@ class Shift:
 def registered(
     positions: Array, labels: Sequence[str], places: Array, place_labels: Sequence[str], *, tolerance_m: float
 ) -> Shift | None:
-    """The shift with the most votes, of equal ones the shortest; None where no pair is within reach."""
+    """The shift with the most votes, and the shortest of equal ones; None if no pair is within reach."""
     if not len(positions) or not len(places):
         return None
     shifts = positions[:, None, :] - places[None, :, :]

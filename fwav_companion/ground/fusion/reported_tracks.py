@@ -1,9 +1,9 @@
-"""A vehicle's track in one local plane: its error split as the fusion needs it. Pure.
+"""A vehicle's track in one local plane, with its error split for the fusion. Pure.
 
     position = target + J b + shared + noise
 
-with b the vehicle's own biases (north, east, heading), ``shared`` what several vehicles may have in common, and
-``noise`` independent of every other track.
+with b the vehicle's own biases (north, east, heading), ``shared`` the error that several vehicles may have in common,
+and ``noise`` an error that is independent of every other track.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 BIASES = 3
-"""Position north, position east, heading."""
+"""Number of biases of a vehicle: position north, position east, heading."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class ReportedTrack:
         return (self.vehicle, self.track)
 
     def at(self, now: float) -> Array:
-        """Position at an instant at most a second later, metres."""
+        """Position predicted for an instant, by at most one second, metres."""
         if self.velocity is None:
             return self.position
         moved: Array = self.position + self.velocity * min(max(now - self.at_unix, 0.0), 1.0)
@@ -67,7 +67,7 @@ class ReportingVehicle:
     tracks: dict[int, ReportedTrack] = field(default_factory=dict)
     heard_unix: float = 0.0
     bias: Array = field(default_factory=lambda: np.zeros(BIASES))
-    """Estimate of its biases by what it shares with others."""
+    """Estimate of its biases from the targets that it shares with others."""
     bias_cov: Array = field(default_factory=lambda: np.zeros((BIASES, BIASES)))
 
     def corrected(self, track: ReportedTrack, now: float) -> Array:
@@ -76,6 +76,6 @@ class ReportingVehicle:
         return position
 
     def spread(self, track: ReportedTrack) -> Array:
-        """Covariance of that position, m^2."""
+        """Covariance of a track's position without the estimated biases, m^2."""
         cov: Array = track.noise + track.shared + track.jacobian @ self.bias_cov @ track.jacobian.T
         return cov
