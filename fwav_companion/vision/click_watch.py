@@ -17,7 +17,7 @@ ANSWER_S: Final = 0.05
 """Longest wait for the daemon's answer, which takes a millisecond: a frame must not wait for a busy daemon."""
 
 SLOW_S: Final = 0.05
-"""Interval of looks that is worth a line in the log: 20 Hz, below the 30 frames/s of most cameras."""
+"""Interval of searches for the spots from which it is logged: 20 Hz, below the 30 frames/s of most cameras."""
 
 _log = logging.getLogger(__name__)
 _decoder = msgspec.json.Decoder(SpotMessage)
@@ -48,7 +48,7 @@ class ClickWatch:
         self._is_slow = False
 
     def begin(self, picture: Picture, number: int, frame: bytes) -> None:
-        """Take a picture before the detector does; ask where it shows the spots. ``frame``: it without detections."""
+        """Keep a picture before detection, and ask where it shows the spots. ``frame``: that without detections."""
         self._handle(self._daemon.messages())
         self._pictures.add(number, grey(picture.pixels))
         if self._spots and self._rate.is_due(time.monotonic()):
@@ -72,7 +72,7 @@ class ClickWatch:
         return found
 
     def _report_slow(self) -> None:
-        """Log once that this board looks for spots more seldom than at common frame rates."""
+        """Log once that this board searches for spots less often than at common frame rates."""
         if not self._is_slow and self._rate.interval_s > SLOW_S:
             self._is_slow = True
             _log.warning(

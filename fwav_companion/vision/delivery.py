@@ -1,4 +1,4 @@
-"""Measures what a camera really delivers, and how long the detector takes. PURE."""
+"""Measures the real delivery of a camera, and the time that the detector takes. PURE."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WINDOW = 60
 """Number of pictures over which rates and medians are taken: two seconds at 30 frames/s."""
 FROZEN_S = 2.0
 FROZEN_PICTURES = 10
-"""A camera whose pictures are equal to the last bit for this time and number is frozen: noise alone changes them."""
+"""Time and number of bit-identical pictures from which a camera is frozen: in a live camera, noise changes them."""
 
 
 class DeliveredPicture(msgspec.Struct, frozen=True):
@@ -21,12 +21,12 @@ class DeliveredPicture(msgspec.Struct, frozen=True):
 
     arrived_s: float
     detected_s: float
-    """When its detections were sent."""
+    """Instant at which its detections were sent."""
     size: tuple[int, int]
     look: int
     """A checksum of its pixels."""
     stamp_s: float | None = None
-    """None where the stamp is on another clock."""
+    """Stamp of the picture; None if it is on another clock."""
     exposure_s: float | None = None
     skipped: int = 0
     """Number of pictures that were skipped before it."""
@@ -59,7 +59,7 @@ class DeliveryMeter:
         return self._same >= FROZEN_PICTURES and self._pictures[-1].arrived_s - self._same_since_s >= FROZEN_S
 
     def report(self) -> DeliveryReport | None:
-        """What the camera delivers; None before the second picture."""
+        """Statistics of the camera's delivery; None before the second picture."""
         if len(self._pictures) < 2:
             return None
         first, last = self._pictures[0], self._pictures[-1]

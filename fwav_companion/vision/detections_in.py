@@ -16,11 +16,11 @@ from fwav_companion.types import NoFrame, Reason
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 LARGEST_DATAGRAM = 65536
-"""Over 200 bytes for each of 256 detections; also the largest datagram that UDP carries."""
+"""Size of the receive buffer, bytes: over 200 for each of 256 detections; also the largest datagram of UDP."""
 DRAIN_LIMIT = 8
-"""Largest number of datagrams per wake-up: the links have their turn between."""
+"""Most datagrams per wake-up, so that the links have their turn in between."""
 SOCKET_MODE = 0o660
-"""Detectors reach the socket as members of the service's group."""
+"""Permissions of the socket's file: detectors reach the socket as members of the service's group."""
 RETRY_S = 1.0
 """Interval of attempts while an address or a folder does not exist, as at boot."""
 
@@ -37,7 +37,7 @@ class DetectionsIn:
         ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
-        """``on_state`` is called with whether it listens, and why not, at each change."""
+        """``on_state`` is called at each change with whether it listens, and why not."""
         self._endpoint = endpoint
         self._ears = ears
         self._on_state = on_state

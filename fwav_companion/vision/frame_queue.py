@@ -1,12 +1,12 @@
-"""SHELL: the queue of datagrams before the pipeline: a bounded slice of each turn of the loop, and the newest kept.
+"""SHELL: the queue of datagrams before the pipeline. It limits the work in a turn of the loop, and drops old frames.
 
-A frame of 256 detections costs some 50 ms here (15 in the tracker) and ten times as long on a small board. Beyond
-SLICE_S no further frame is begun in a turn, so that heartbeats, TIMESYNC and the relay have theirs between two frames.
-A frame that has waited for PATIENCE_S, or a full queue, shows that frames come faster than the processor handles them:
-from then on the newest is taken, and those before it are dropped as OVERLOAD, until no other waits.
+A frame of 256 detections costs some 50 ms here (15 in the tracker) and ten times as long on a small board. After
+SLICE_S no further frame is begun in a turn, so that heartbeats, TIMESYNC and the relay have their turn between two
+frames. A frame that has waited for PATIENCE_S, or a full queue, shows that frames arrive faster than the processor
+handles them: from then on the newest is taken, and those before it are dropped as OVERLOAD, until the queue is empty.
 
-Frames that wait in the pipeline for attitudes are processed all at once when one comes. So the queue holds frames back
-while those would take longer than BURST_S, by the CPU time that a detection has cost so far.
+Frames that wait in the pipeline for attitudes are processed all at once when an attitude arrives. So the queue holds
+frames back while the waiting ones would take longer than BURST_S, by the mean CPU time of a detection.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.types import Notice, NoticeCode, Severity
 
 SLICE_S: Final = 0.005
-"""Work of one turn after which no further frame is begun: half the interval of attitudes at 100 Hz."""
+"""Work in one turn after which no further frame is begun, seconds: half the interval of attitudes at 100 Hz."""
 PATIENCE_S: Final = 0.25
-"""Longest wait of a frame while the processor keeps up: half of the time after which a frame is too late."""
+"""Longest wait of a frame while the processor keeps up, seconds: half of the time after which a frame is too late."""
 BURST_S: Final = 0.1
-"""Longest work that may wait in the pipeline: a tenth of the interval of heartbeats, and the interval of TIMESYNC."""
+"""Longest work that may wait in the pipeline, seconds: a tenth of the heartbeats' interval, and that of TIMESYNC."""
 HELD_S: Final = 0.01
-"""Interval at which frames that are held back are looked at again."""
+"""Interval at which frames that are held back are tried again, seconds."""
 MOST_WAITING: Final = 32
-"""Datagrams in the queue, 2 MiB at most: one second at 30 Hz."""
+"""Most datagrams in the queue, 2 MiB at most: one second at 30 Hz."""
 COST_SHARE: Final = 0.1
-"""Share of a new measurement in the mean cost of a detection."""
+"""Weight of a new measurement in the mean cost of a detection."""
 REPORT_NS: Final = 60 * NS_PER_S
 LEAST_REPORTED: Final = 30
-"""Dropped frames that are worth a notice: a second of a camera. Other programs may take the processor for as long."""
+"""Least number of dropped frames for a notice: a second of a camera. Other programs may use the processor as long."""
 
 
 class FrameQueue:
@@ -67,7 +67,7 @@ class FrameQueue:
         self._reported_ns: HostNs | None = None
 
     def put(self, data: bytes) -> None:
-        """Add a datagram; it is processed at once where none waits."""
+        """Add a datagram; it is processed at once if none waits."""
         self.came += 1
         self._waiting.append((self._clock(), data))
         if len(self._waiting) > MOST_WAITING:
@@ -77,12 +77,12 @@ class FrameQueue:
             self._work()
 
     def spent(self, cpu_s: float, detections: int) -> None:
-        """Take the CPU time that a number of detections have cost."""
+        """Update the mean cost with the CPU time of a number of detections."""
         if detections > 0:
             self._cost_s += COST_SHARE * (cpu_s / detections - self._cost_s)
 
     def notices(self, now: HostNs) -> list[Notice]:
-        """What was dropped since the last notice, at most once a minute."""
+        """A notice of the frames dropped since the last one, at most once a minute."""
         came, dropped = self.came - self._reported[0], self.dropped - self._reported[1]
         if dropped < LEAST_REPORTED or (self._reported_ns is not None and now - self._reported_ns < REPORT_NS):
             return []
@@ -94,7 +94,7 @@ class FrameQueue:
         return [Notice(NoticeCode.OVERLOAD, Severity.WARNING, text, to_ground=True)]
 
     def _work(self) -> None:
-        """Process frames for one slice; whatever they do, the next turn of the loop goes on."""
+        """Process frames for one slice; the next turn of the loop continues, even after an error."""
         self._resting = True
         asyncio.get_running_loop().call_soon(self._go_on)
         ends_s = self._clock() + SLICE_S

@@ -12,7 +12,7 @@ from fwav_companion.vision.wall_clock import ClockStep, WallClock
 from fwav_companion.vision.wire import parse_frame
 
 CLOCKS_APART_NS = 200_000
-"""A reading of both clocks that took longer was interrupted, and is repeated."""
+"""Longest time for a reading of both clocks: a longer one was interrupted, and is repeated."""
 
 
 def read_clocks() -> tuple[HostNs, int]:
@@ -45,7 +45,7 @@ class FrameReceiver:
         self.queue = FrameQueue(self._take, lambda: self.on_frame(NoFrame(Reason.OVERLOAD)), backlog)
 
     def hear(self, data: bytes) -> None:
-        """Take a datagram: it is parsed, and the frame or the reason why it is not one passed on, in its turn."""
+        """Queue a datagram; in its turn it is parsed, and the frame, or the reason why it is not one, is passed on."""
         self.queue.put(data)
 
     def _take(self, data: bytes) -> None:

@@ -120,7 +120,7 @@ def _number(value: float) -> float:
 
 
 def frame_bytes(picture: Picture, found: list[Found], kept: int | None = None) -> bytes:
-    """The detections of a picture in the wire format. ``kept``: its number where it is kept for clicks."""
+    """The detections of a picture in the wire format. ``kept``: the picture's number if it is kept for clicks."""
     height, width = picture.pixels.shape[:2]
     frame = {**picture.stamp, "size": [width, height], "detections": found[:MAX_DETECTIONS]}
     if picture.number is not None:

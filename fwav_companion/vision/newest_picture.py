@@ -1,7 +1,7 @@
-"""SHELL: the newest picture of a camera or stream: a thread reads all, and keeps one.
+"""SHELL: delivers the newest picture of a camera or stream: a thread reads all pictures, and keeps one.
 
-A detector that is slower than the camera would else fall back ever further: pictures queue in the driver and in the
-network, and arrive seconds after their capture.
+Otherwise a detector that is slower than the camera would fall behind more and more: pictures queue in the driver and
+in the network, and arrive seconds after their capture.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import replace
 from fwav_companion.vision.images import Picture, Source, SourceEndedError, SourceLostError
 
 READ_S = 1.0
-"""Longest wait of one read of the source, where it has a limit."""
+"""Longest wait of one read of the source, if the source has a limit, seconds."""
 HANGS_S = 5.0
-"""A read that lasts longer than this hangs. Drivers and FFmpeg have limits of their own, ten and five seconds."""
+"""Duration from which a read hangs, seconds. Drivers and FFmpeg have limits of their own, ten and five seconds."""
 
 
 class NewestPicture:
@@ -48,7 +48,7 @@ class NewestPicture:
 
     @property
     def hangs(self) -> bool:
-        """Whether the source has not returned for long."""
+        """Whether a read has lasted longer than HANGS_S."""
         return time.monotonic() - self._reads_since_s > HANGS_S
 
     def close(self) -> None:

@@ -20,10 +20,10 @@ from fwav_companion.vision.task import KEPT_PICTURE, KeptPicturesRule
 
 _log = logging.getLogger(__name__)
 QUALITY: Final = 95
-"""JPEG's: 100 kB of 640 x 480. Markers are then found 0.03 px (median) or 0.4 sigma (rms) from where they were in the
-picture, on the flight of ``demo``."""
+"""JPEG quality: 100 kB for 640 x 480. Markers are then found 0.03 px (median) or 0.4 sigma (rms) from their place in
+the uncompressed picture, on the flight of ``demo``."""
 MOST_WAITING: Final = 4
-"""Pictures that wait for compression: 4 MiB of colour at 640 x 480."""
+"""Most pictures that wait for compression: 4 MiB of colour at 640 x 480."""
 
 
 class PictureKeeper:
@@ -40,7 +40,7 @@ class PictureKeeper:
             threading.Thread(target=self._compress, name="kept pictures", daemon=True).start()
 
     def offer(self, picture: Picture, found: list[Found]) -> None:
-        """Keep a picture if the rule does; one that comes faster than they are compressed is left out."""
+        """Keep a picture if the rule selects it; pictures that arrive faster than they are compressed are left out."""
         self._count += 1
         wanted = bool(found) if self._rule == "detections" else self._rule > 0 and (self._count - 1) % self._rule == 0
         if not wanted:

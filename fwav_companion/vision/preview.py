@@ -1,7 +1,7 @@
-"""SHELL: the pictures for a browser, as MJPEG, with detections and tracks drawn in.
+"""SHELL: serves the pictures to a browser, as MJPEG, with detections and tracks drawn in.
 
-For setting a camera up. Drawing and compression happen in a thread of each browser, which also asks the daemon where
-its picture shows the tracks. The detector's thread hands pictures over, and does nothing while no browser is connected.
+It serves to set a camera up. Drawing and compression run in one thread for each browser, which also asks the daemon
+where its picture shows the tracks. The detector's thread hands pictures over, if any browser is connected.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fwav_companion.vision.preview_drawing import drawn
 
 _log = logging.getLogger(__name__)
 INTERVAL_S = 0.2
-"""Five pictures a second at most."""
+"""Shortest interval of pictures, seconds: at most five a second."""
 MOST_WATCHERS = 4
 SEND_S = 5.0
 """Longest time for a browser to take a picture; then it is disconnected."""
@@ -65,7 +65,7 @@ class Preview:
         return self._server.server_address[1] if self._server is not None else 0
 
     def offer(self, picture: Picture, found: list[Found]) -> None:
-        """Show a picture to those who look; the caller does not change it afterwards."""
+        """Show a picture to the connected browsers; the caller does not change it afterwards."""
         if self._watchers:
             with self._changed:
                 self._shown, self._number = (picture, found), self._number + 1
@@ -98,19 +98,19 @@ class Preview:
         return hmac.compare_digest(path.encode(), f"/{self._token}".encode())
 
     def enter(self) -> bool:
-        """Count one who looks; False where there are enough."""
+        """Count a further browser; False if there are MOST_WATCHERS already."""
         with self._changed:
             free = self._watchers < MOST_WATCHERS
             self._watchers += free
             return free
 
     def leave(self) -> None:
-        """Forget one who looked."""
+        """Count one browser less."""
         with self._changed:
             self._watchers -= 1
 
     def newer_than(self, number: int) -> tuple[int, Shown | None]:
-        """The newest picture and its number, as soon as there is one after ``number``; else the same after a while."""
+        """The newest picture and its number, as soon as one after ``number`` exists; else the same one after WAIT_S."""
         with self._changed:
             self._changed.wait_for(lambda: self._number > number, WAIT_S)
             return self._number, self._shown

@@ -8,11 +8,11 @@ import re
 import msgspec
 
 SHORTEST_TOKEN = 16
-"""Characters: 95 bits of letters and digits, which no one guesses over a network."""
+"""Least number of characters: 95 bits of letters and digits, which cannot be guessed over a network."""
 
 
 class PreviewAddress(msgspec.Struct, frozen=True):
-    """Where the pictures are served."""
+    """Address at which the pictures are served."""
 
     host: str
     port: int

@@ -14,17 +14,17 @@ from fwav_companion.vision.images import Found, Pixels
 QUALITY: Final = 70
 GREEN: Final = (64, 255, 64)
 MAGENTA, ORANGE = (255, 64, 255), (0, 160, 255)
-"""Of the tracks that were seen recently, and of coasting ones."""
+"""Colours of the tracks that were seen recently, and of coasting tracks."""
 AXES_95: Final = sqrt(-2.0 * log(0.05))
 """Semi-axes of the 95 % ellipse over one sigma: chi-square with two degrees of freedom."""
 MOST_AXIS_PX: Final = 4000.0
-"""OpenCV draws ellipses by 16-bit numbers; larger ones surround every picture."""
+"""Longest axis of a drawn ellipse: OpenCV draws with 16-bit numbers, and larger ellipses surround every picture."""
 FRACTION_BITS: Final = 4
 FONT, TEXT_SIZE = cv2.FONT_HERSHEY_SIMPLEX, 0.4
 
 
 def drawn(pixels: Pixels, found: Iterable[Found], marks: Iterable[TrackMark] = ()) -> bytes:
-    """The picture as JPEG, with boxes, points and labels of what was detected, and the tracks."""
+    """The picture as JPEG, with boxes, points and labels of the detections, and the tracks."""
     shown = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR) if pixels.ndim == 2 else pixels.copy()
     for each in found:
         _draw_detection(shown, each)

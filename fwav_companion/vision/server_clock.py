@@ -1,9 +1,9 @@
-"""A stream server's clock in terms of this board's, from its stamps and their arrivals. PURE.
+"""Maps a stream server's clock to this board's, from its stamps and their arrivals. PURE.
 
 ``host = server + offset + rate * (server - first server stamp)``. An arrival is late by the transport and by its
-jitter, and never early, so the line lies below all differences ``arrival - stamp``: the edge of their lower convex hull
-at the middle of the stamps, which of all such lines is nearest to the mean (Zhang, Liu & Xia 2002). Jitter and drift of
-the server's clock cancel. A constant latency stays in the offset.
+jitter, and never early, so the line lies below all differences ``arrival - stamp``. It is the edge of their lower
+convex hull at the middle of the stamps, the line below them that is nearest to the mean (Zhang, Liu & Xia 2002).
+Jitter and drift of the server's clock cancel. A constant latency stays in the offset.
 """
 
 from __future__ import annotations
@@ -12,17 +12,19 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 BUCKET_S = 1.0
-"""Of all differences within this time only the least can touch the line."""
+"""Length of a bucket, seconds: only its least difference can touch the line."""
 BUCKETS = 120
-"""Two minutes: a drift of 50 ppm changes by less than its noise meanwhile, and a warm-up of the crystal is followed."""
+"""Number of buckets, two minutes: meanwhile a drift of 50 ppm changes by less than its noise, and the line follows a
+warm-up of the crystal."""
 LEAST_SPAN_S = 20.0
-"""Before this time the rate is not used: 5 ms of jitter over 20 s are 250 ppm, over a second 5000."""
+"""Least span of the stamps to estimate a rate, seconds: 5 ms of jitter are 250 ppm over 20 s, 5000 ppm over one."""
 MOST_RATE = 5e-4
-"""500 ppm: crystals err by 100 at most; a hull that is steeper is a network whose delay changes."""
+"""Largest rate: crystals err by 100 ppm at most; a steeper hull comes from a network whose delay changes."""
 EARLY_S = 0.1
-"""An arrival this far before the line, further than the clock errs: the server's clock was set."""
+"""Time of an arrival before the line, seconds, from which the server's clock was set: its errors are smaller."""
 LATE_S, LATE_PICTURES = 1.0, 30
-"""Pictures in a row so late: the server's clock was set back. A network that stalls delivers again within a second."""
+"""Delay, and number of pictures in a row with it, from which the server's clock was set back. A network that stalls
+delivers again within a second."""
 
 Difference = tuple[float, float]
 """Stamp of the server and arrival minus stamp, seconds."""
@@ -33,15 +35,15 @@ class ServerClock:
     """The estimate of one stream."""
 
     steps: int = 0
-    """How often the server's clock was set."""
+    """Number of times that the server's clock was set."""
     _least: list[Difference] = field(default_factory=list)
     """The least difference of each bucket, in the order of the stamps."""
     _line: tuple[float, float, float] | None = None
-    """Stamp, difference there, and rate."""
+    """Stamp of a point on the line, difference at that stamp, and rate."""
     _late: int = 0
 
     def observe(self, server_s: float, arrival_s: float) -> bool:
-        """Learn from a picture's stamp and arrival; whether the server's clock was set since the last one."""
+        """Update with a picture's stamp and arrival; returns whether the server's clock was set since the last one."""
         difference_s = arrival_s - server_s
         stepped = self._is_stepped(server_s, difference_s)
         if stepped:
@@ -59,7 +61,7 @@ class ServerClock:
 
     @property
     def rate(self) -> float:
-        """Seconds that the difference gains a second; negative where the server's clock is fast."""
+        """Rate of the difference host minus server, seconds per second; negative if the server's clock is fast."""
         return 0.0 if self._line is None else self._line[2]
 
     def _is_stepped(self, server_s: float, difference_s: float) -> bool:

@@ -25,7 +25,7 @@ class SourceKind(StrEnum):
 
 
 def source_kind(text: str) -> SourceKind:
-    """The kind of a source. ValueError with what is accepted where no kind has such a name."""
+    """The kind of a source. ValueError with the accepted names if no kind has such a name."""
     if re.fullmatch(r"libcamera:[0-9]{1,3}", text):
         return SourceKind.LIBCAMERA
     if text.startswith("/dev/video"):
@@ -39,7 +39,7 @@ def source_kind(text: str) -> SourceKind:
 
 
 def is_file_name(text: str) -> bool:
-    """Whether a source is a path of the file system, which counts from the configuration's folder."""
+    """Whether a source is a path of the file system, which is relative to the configuration's folder."""
     return source_kind(text) is SourceKind.PATH or text.endswith(".sdp")
 
 

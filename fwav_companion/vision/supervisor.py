@@ -28,31 +28,32 @@ from fwav_companion.vision.task import KEPT_PICTURE, KeptPicturesRule, VisionSta
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 LIVED_LONG_S = 60.0
-"""After a life of this duration the delays until the next start are short again."""
+"""Lifetime of the process, seconds, after which the delay until the next start is short again."""
 SILENCE_S = 15.0
-"""The process sends something every two seconds; a slow board needs ten to load OpenCV."""
+"""Longest silence of the process, seconds: it sends a message every two; a slow board needs ten to load OpenCV."""
 LOOK_S = 0.5
 """Interval of the checks for silence."""
 REAP_S = 0.2
-"""A killed process ends within milliseconds, or hangs in the kernel and is abandoned."""
+"""Longest wait for a killed process, seconds: it ends within milliseconds, or hangs in the kernel and is abandoned."""
 ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
-"""FFmpeg repeats its messages at every attempt; the daemon reports a failure once. -8 is FFmpeg's AV_LOG_QUIET."""
+"""Environment that suppresses the libraries' logs: FFmpeg repeats its messages at every attempt; the daemon reports a
+failure once. -8 is FFmpeg's AV_LOG_QUIET."""
 _STATE = b'{"vision":'
 
 BORROWED = (
     "import runpy, sys; sys.path += sys.argv.pop(1).split(':'); runpy.run_module({worker!r}, run_name='__main__')"
 )
-"""Program of another interpreter: our package and libraries come last in its path, so that it prefers its own. With a
-newer numpy than its own the modules of picamera2, which are compiled for that one, fail."""
+"""Program for another interpreter: this service's package and libraries come last in its path, so that it prefers its
+own libraries. The modules of picamera2 are compiled for its own numpy, and fail with a newer one."""
 WORKER = "fwav_companion.vision.worker"
 
 MOST_JPEG = 16 << 20
-"""Bytes of a kept picture: 64 megapixels in grey."""
+"""Most bytes of a kept picture: 64 megapixels in grey."""
 Started = tuple[subprocess.Popen[bytes], socket.socket]
 
 
 class VisionDesk(Protocol):
-    """Takes what the process sends besides detections. A frame in the wire format is that of the picture meant."""
+    """Handles the messages of the process other than detections. A frame in the wire format identifies the picture."""
 
     def on_question(self, data: bytes) -> None:
         """Answer where a frame's picture shows the clicked spots."""
@@ -64,7 +65,7 @@ class VisionDesk(Protocol):
         """Record a frame's picture."""
 
     def on_refused(self, refused: SpotRefused) -> None:
-        """Take a clicked spot that cannot be followed."""
+        """Handle a clicked spot that cannot be followed."""
 
 
 class VisionProcess:
@@ -79,7 +80,7 @@ class VisionProcess:
         *,
         kept: KeptPicturesRule = 0,
     ) -> None:
-        """``on_state`` is called with whether pictures come, and why not, at each change. ``kept``: the pictures that
+        """``on_state`` is called at each change with whether pictures arrive, and why not. ``kept``: the pictures that
         the desk gets as JPEG.
         """
         self._command = worker_command(task.python)
@@ -134,7 +135,7 @@ class VisionProcess:
             retry_s = min(2.0 * retry_s, LONGEST_RETRY_S)
 
     async def _lived(self, started: Started) -> str:
-        """Serve one process from its start to its end; how it ended."""
+        """Serve one process from its start to its end; returns how it ended."""
         self._started = started
         self._frozen = False
         self._ended.clear()
@@ -169,7 +170,7 @@ class VisionProcess:
         return process, ours
 
     def send(self, message: bytes) -> bool:
-        """Send a message to the process; False while it takes none: it is not there, or too busy to read."""
+        """Send a message to the process; False if it does not run, or is too busy to read."""
         if self._started is None:
             return False
         try:
@@ -197,7 +198,7 @@ class VisionProcess:
                 self._take(data)
 
     def _take_picture(self, data: bytes, descriptor: int) -> None:
-        """Hand a kept picture over; one that is too large is left out."""
+        """Hand a kept picture to the desk, unless it is too large."""
         with open(descriptor, "rb") as file:
             if self._desk is not None and data.startswith(KEPT_PICTURE) and os.fstat(descriptor).st_size <= MOST_JPEG:
                 file.seek(0)
@@ -242,7 +243,7 @@ def _hand_over(data: bytes, desk: VisionDesk) -> None:
 
 
 def worker_command(python: str) -> list[str]:
-    """The command of the vision process under this interpreter; "": our own."""
+    """The command of the vision process under this interpreter; "": that of the service."""
     if not python:
         return [sys.executable, "-m", WORKER]
     package = Path(__file__).parents[2]

@@ -1,7 +1,7 @@
 """Converts stamps of this board's clocks to host instants. PURE: the shell reads both clocks and passes them in.
 
 CLOCK_REALTIME and CLOCK_MONOTONIC are disciplined alike, so their difference is constant until the wall clock is
-stepped (by NTP's first fix after boot, or by a user). A stamp that may be from before a step is rejected, since its
+stepped (by NTP's first fix after boot, or by a user). A stamp that may be from before a step is rejected, because its
 host instant is not known.
 """
 
@@ -16,10 +16,11 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs, host_from_seconds, 
 from fwav_companion.types import NoFrame, Reason
 
 SMALLEST_STEP_NS = 1_000_000
-"""1 ms. Two readings one after the other differ by up to tens of microseconds on a busy slow board. Smaller steps are
-followed without a report: they move a capture by less than any camera knows it."""
+"""Smallest step that is reported: 1 ms. Two successive readings differ by up to tens of microseconds on a busy slow
+board. Smaller steps are followed without a report: they are less than the error of any camera's capture time."""
 LONGEST_WAY_NS = NS_PER_S // 2
-"""Frames are accepted up to half a second after their capture: a stamp from before a step may arrive for that long."""
+"""Longest time from capture to arrival: half a second, after which frames are rejected. A stamp from before a step may
+arrive until then."""
 STEPS_KEPT = 8
 """Number of steps with which each frame is compared; older ones within half a second are ignored."""
 
@@ -82,7 +83,7 @@ class WallClock:
 
     @property
     def boot_is_unix(self) -> bool:
-        """Not known in flight."""
+        """False: it is not known in flight."""
         return False
 
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:

@@ -1,8 +1,8 @@
 """The format of detections on the wire and in recordings: one JSON object per frame. PURE.
 
-For any bytes :func:`parse_frame` gives a Frame, or the reason why they are not one. A pixel that is not a finite number
-becomes NaN and such a sigma becomes 0, in whatever notation the sender wrote it (``NaN``, ``null``, ``1e999``): pairing
-then rejects that one detection with ``not_finite`` and keeps the others. Elsewhere such a number rejects the frame.
+For any bytes :func:`parse_frame` gives a Frame, or the reason why they are not one. In any notation (``NaN``, ``null``,
+``1e999``), a pixel that is not a finite number becomes NaN, and a sigma that is not finite becomes 0: pairing then
+rejects that one detection with ``not_finite`` and keeps the others. In any other field, it rejects the whole frame.
 """
 
 from __future__ import annotations
@@ -21,19 +21,21 @@ from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Sta
 from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256
-"""Per frame; part of the interface contract."""
+"""Most detections per frame; part of the interface contract."""
 MOST_FRAME_BYTES = 1 << 20
-"""Of one line or datagram: MAX_DETECTIONS with labels, boxes and corners take a fifth of it."""
+"""Most bytes of one line or datagram: MAX_DETECTIONS with labels, boxes and corners take a fifth of it."""
 MAX_LABEL = 256
-"""Characters; each track stores its label."""
+"""Most characters of a label; each track stores its label."""
 LATEST_UNIX_S = 1e11
-"""The year 5138. Today's milliseconds are 1.8e12, microseconds 1.8e15, nanoseconds 1.8e18."""
+"""Latest Unix time, the year 5138: a larger number is in another unit. Today's milliseconds are 1.8e12, microseconds
+1.8e15, nanoseconds 1.8e18."""
 LATEST_MONOTONIC_S = 1e9
-"""32 years of uptime. Nanoseconds are beyond after one second."""
+"""Latest monotonic time: 32 years of uptime. Nanoseconds exceed it after one second."""
 LATEST_BOOT_S = 1e8
-"""Three years without a reboot of the autopilot. Nanoseconds are beyond after 0.1 s, microseconds after 100 s."""
+"""Latest boot time: three years without a reboot of the autopilot. Nanoseconds exceed it after 0.1 s, microseconds
+after 100 s."""
 LONGEST_EXPOSURE_S = 10.0
-"""libcamera gives microseconds: its shortest exposures are above this."""
+"""Longest exposure: libcamera's are in microseconds, and its shortest are above this."""
 
 Int64: TypeAlias = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=1_000_000)]
@@ -51,7 +53,7 @@ class WireDetection(msgspec.Struct, gc=False):
     box: tuple[float, float, float, float] | None = None
     id: Int64 | None = None
     corners: Any = None
-    """The four of a marker. Any other value is another program's field of that name, and ignored."""
+    """Four corners of a marker. Any other value is another program's field of that name, and is ignored."""
 
 
 class WireFrame(msgspec.Struct):
@@ -66,7 +68,7 @@ class WireFrame(msgspec.Struct):
     size: tuple[Pixels, Pixels] | None = None
     exposure_s: float | None = None
     picture: Int64 | None = None
-    """Of our own camera process: number of the kept picture."""
+    """Number of the kept picture, from this package's camera process."""
 
 
 class _RecordedFrame(msgspec.Struct, omit_defaults=True, kw_only=True):
@@ -154,7 +156,7 @@ def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
 
 
 def stamp_line(frame: Frame, file: str, unix_offset_ns: int) -> bytes:
-    """The line of a kept picture in stamps.jsonl, on the recording's clock, as :func:`encode_frame` has it."""
+    """The line of a kept picture in stamps.jsonl, on the recording's clock as in :func:`encode_frame`."""
     on_host = frame.stamp_clock is StampClock.HOST
     seconds = _seconds(frame.stamp_ns + unix_offset_ns) if on_host else _seconds(frame.stamp_ns)
     line: dict[str, str | float] = {"file": file, "time_unix" if on_host else "time_boot": seconds}
@@ -282,5 +284,5 @@ def _finite_or_zero(value: float | None) -> float:
 
 
 def _seconds(instant_ns: int) -> float:
-    """The instant in seconds, whole microseconds: rounded to microseconds it reads back exactly until 2255."""
+    """The instant in seconds, cut to whole microseconds; rounded to microseconds it reads back exactly until 2255."""
     return (instant_ns // 1000) / 1e6

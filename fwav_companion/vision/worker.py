@@ -1,8 +1,7 @@
 """``python -m fwav_companion.vision.worker FD TASK KEPT``: a camera and a detector in a process of their own.
 
 It sends detections over the inherited socket in the wire format, its state in between, and the pictures that a
-recording keeps. A camera that hangs blocks
-this process and not the daemon, which then ends it and starts another.
+recording keeps. A camera that hangs blocks this process and not the daemon, which then ends it and starts another.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ LOOK_STEP_PX = 8
 """Every eighth pixel of every eighth row distinguishes one picture from the next: 5 kB of 640x480."""
 LARGEST_MESSAGE = 65536
 MOST_MESSAGES = 64
-"""Messages of the daemon that are kept for the detector: two seconds of one a picture."""
+"""Most messages of the daemon that are kept for the detector: two seconds with one message a picture."""
 FROZEN = "the camera repeats one picture; power it off and on"
 
 _encode = msgspec.json.Encoder().encode
@@ -106,7 +105,7 @@ def main() -> None:
     _offer_to_oom_killer()
     daemon = DaemonSocket(socket.socket(fileno=int(sys.argv[1])))
     task = msgspec.json.decode(sys.argv[2], type=VisionTask)
-    cv2.setNumThreads(task.threads)  # one core of a small board for pictures, the others for the flight
+    cv2.setNumThreads(task.threads)  # leaves the other cores of a small board to the flight
     try:
         detector, address = make_detector(task), parse_preview(task.preview)
         preview = None if address is None else Preview(address, daemon.send)
@@ -126,7 +125,7 @@ def main() -> None:
 
 
 def _ignore(_message: bytes) -> None:
-    """Take no answer about tracks: there is no preview."""
+    """Ignore an answer about tracks: there is no preview."""
 
 
 def _offer_to_oom_killer() -> None:
@@ -172,7 +171,7 @@ class Watch:
                 picture = source.read(SIGN_OF_LIFE_S)
                 if picture is not None:
                     self._detect(picture)
-                elif not (isinstance(source, NewestPicture) and source.hangs):  # silence lets the daemon end us
+                elif not (isinstance(source, NewestPicture) and source.hangs):  # silence: the daemon ends this process
                     self._report()
 
     def _detect(self, picture: Picture) -> None:
@@ -200,7 +199,7 @@ class Watch:
             self._report()
 
     def _found(self, picture: Picture) -> tuple[list[Found], int | None]:
-        """(what the detector found and the clicked spots, number of the picture where it is kept for clicks)."""
+        """(detections of the detector and of the clicked spots, number of the picture if it is kept for clicks)."""
         if self._clicks is None:
             return self._detector.detect(picture.pixels), None
         self._count += 1

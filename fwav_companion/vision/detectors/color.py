@@ -10,13 +10,13 @@ from fwav_companion.vision.images import Found, Pixels
 
 HUE_HALF_WIDTH_DEG = 15.0
 LEAST_SATURATION, LEAST_VALUE = 110, 60
-"""Of 255; grass, soil and concrete are below."""
+"""Least saturation and value of a pixel, of 255; grass, soil and concrete are below."""
 LEAST_AREA_PX = 16
 MOST_BLOBS = 32
 FULL_COLOUR = 0.65
-"""Share of a blob's strongest colour from which a pixel is not of its edge."""
+"""Share of a blob's strongest colour from which a pixel does not belong to its edge."""
 STRONGEST_PERCENTILE = 90.0
-"""Of the colour of its pixels: noise makes some stronger."""
+"""Percentile of the colour of its pixels that is a blob's strongest colour: noise makes some pixels stronger."""
 
 
 class ColorDetector:
@@ -47,7 +47,7 @@ class ColorDetector:
 
 
 def edge_share(saturation: Pixels, value: Pixels) -> float:
-    """Share of a blob's pixels that have clearly less than its full colour: those of its edge and of its motion."""
+    """Share of a blob's pixels with clearly less than its full colour: pixels of its edge and of its motion blur."""
     colour = saturation.astype(np.float32) * value
     return float(np.mean(colour < FULL_COLOUR * np.percentile(colour, STRONGEST_PERCENTILE)))
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from fwav_companion.vision.images import Pixels
 
 GREY = 114
-"""Level of the margins: what the models of the YOLO family are trained with."""
+"""Grey level of the margins: the models of the YOLO family are trained with it."""
 
 Placing = Literal["centre", "corner", "stretch"]
-"""Margins on both sides, at the right and bottom, or none: each axis has its own scale."""
+"""Margins on both sides (centre), at the right and bottom (corner), or none (stretch: each axis has its own scale)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Letterbox:
     margin: tuple[float, float]
 
     def picture_from_input(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 4) boxes left, top, right, bottom in pixels of the picture, of boxes in edge coordinates of the input."""
+        """(N, 4) boxes left, top, right, bottom, pixels of the picture, from boxes in edge coordinates of the input."""
         scale, margin = np.array(self.scale * 2), np.array(self.margin * 2)
         edges: NDArray[np.float64] = (boxes - margin) / scale - 0.5
         return edges

@@ -1,9 +1,9 @@
-"""Sigma of a marker's centre by the size of its modules and by how far its edges are blurred.
+"""Sigma of a marker's centre by the size of its modules and by the blur of its edges.
 
-Measured on 7000 rendered markers (AprilTag 36h11, ArUco 4x4; sides of 18 to 140 px; turned and foreshortened; moved by
-up to 1.8 modules in any direction; lens blur and noise of the mock's camera), as the maximum of the likelihood of their
-errors. Refined corners are accurate to some hundredths of a pixel until an edge is blurred over half a module: then
-OpenCV's refinement loses it, and the error is a tenth of a module.
+The values maximize the likelihood of the errors on 7000 rendered markers (AprilTag 36h11, ArUco 4x4; sides of 18 to
+140 px; turned and foreshortened; moved by up to 1.8 modules in any direction; lens blur and noise of the mock's
+camera). Refined corners are accurate to some hundredths of a pixel until an edge is blurred over half a module: then
+OpenCV's refinement loses the edge, and the error is a tenth of a module.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ SIGMAS_PX: Final = (
     (0.039, 0.042, 0.066, 0.141, 0.545, 1.049, 0.872, 1.057),
     (0.039, 0.061, 0.149, 0.759, 1.349, 0.925, 0.892, 1.400),
 )
-"""One sigma of a centre, each axis, pixels. Between rows and columns its logarithm is linear, by the logarithm of the
-module and by the width. Small modules with sharp edges do not occur: their edges are wider than that by the lens."""
+"""One sigma of a centre, each axis, pixels. Its logarithm is interpolated linearly in the logarithm of the module and
+in the width. Small modules with sharp edges do not occur: the lens makes their edges wider."""
 _ROWS, _LOGS = np.log(MODULES_PX), np.log(SIGMAS_PX)
 
 

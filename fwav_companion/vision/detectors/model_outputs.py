@@ -24,9 +24,10 @@ from fwav_companion.vision.images import DetectorError
 Array = NDArray[np.float64]
 STRIDES = (8, 16, 32)
 ANCHORS = 3
-"""Boxes of each cell of YOLOv5 and v7; later ones have one."""
+"""Number of boxes of each cell of YOLOv5 and v7; later models have one."""
 MOST_QUERIES = 1000
-"""Outputs of models without suppression have 2100 boxes and more; DETR's and suppressed ones have some hundred."""
+"""Most boxes of DETR's and suppressed outputs, which have some hundred; outputs without suppression have 2100 and
+more."""
 SUPPRESSED = ("yolov10", "nms7", "ssd", "rtdetr")
 """Formats whose boxes do not overlap."""
 
@@ -38,9 +39,9 @@ class Boxes:
     edges: Array
     """(N, 4) left, top, right, bottom, edge coordinates of the input."""
     scores: Array
-    """(N)."""
+    """(N) scores."""
     classes: NDArray[np.int64]
-    """(N)."""
+    """(N) class numbers."""
 
     def where(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Boxes:
         """Some of the detections."""
@@ -48,7 +49,7 @@ class Boxes:
 
 
 def format_of(outputs: Mapping[str, NDArray[np.generic]], size: tuple[int, int], classes: int | None) -> str:
-    """The format by the shapes; ``classes``: their number where it is known. DetectorError with the candidates."""
+    """The format by the shapes; ``classes``: number of classes if known. DetectorError with the candidates."""
     shapes = [array.shape for array in outputs.values()]
     candidates = _candidates(shapes, size, classes)
     if len(candidates) == 1:
@@ -82,7 +83,7 @@ def _candidates(shapes: Sequence[tuple[int, ...]], size: tuple[int, int], classe
 
 
 def _by_cells(rows: int, columns: int, cells_count: int, classes: int | None) -> tuple[str, ...]:
-    """YOLOX's raw head looks like YOLOv6's boxes; three boxes a cell are YOLOv5's and v7's."""
+    """Candidates by the number of boxes: YOLOX's raw head resembles YOLOv6's boxes; v5 and v7 have three a cell."""
     if columns <= 5 or (classes is not None and columns != 5 + classes):
         return ()
     return ("yolov5",) if rows == ANCHORS * cells_count else ("yolov5", "yolox")
@@ -148,7 +149,7 @@ def _nms7(rows: Array, size: tuple[int, int]) -> Boxes:  # noqa: ARG001
 
 
 def _ssd(outputs: Mapping[str, NDArray[np.generic]], size: tuple[int, int]) -> Boxes:
-    """TensorFlow's outputs are top, left, bottom, right, with classes from 1; others' left, top, right, bottom."""
+    """Boxes of an SSD: TensorFlow's are top, left, bottom, right, classes from 1; others' left, top, right, bottom."""
     boxes = next(np.asarray(array, np.float64)[0] for array in outputs.values() if array.ndim == 3)
     if boxes.shape[1] != 4:
         raise ValueError
@@ -189,7 +190,7 @@ def _whole(numbers: NDArray[np.generic]) -> NDArray[np.int64]:
 
 
 def suppressed(boxes: Boxes, iou: float, most: int) -> Boxes:
-    """The best boxes of which no two of one class overlap by more than ``iou``, the best first."""
+    """The best boxes, the best first, such that no two of one class overlap by more than ``iou``."""
     order = np.argsort(-boxes.scores, kind="stable")
     kept: list[int] = []
     left, top, right, bottom = boxes.edges.T

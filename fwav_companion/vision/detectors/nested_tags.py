@@ -1,8 +1,8 @@
 """Two nested tags of different sizes are one target, as on landing pads.
 
-From afar only the outer tag is legible; from near its edges leave the image, and only the inner one is. Between,
-OpenCV finds now one and now the other: of quads inside one another it decodes one. So an inner tag at the place where
-the outer one was a moment ago is reported under the outer one's label, and after a few such pictures wherever it is.
+From afar only the outer tag is legible; from near its edges leave the image, and only the inner tag is legible. In
+between, OpenCV finds sometimes one and sometimes the other: it decodes only one of two nested quads. So an inner tag at
+the recent place of the outer tag is reported under the outer tag's label, and after a few such pictures at any place.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from math import hypot
 from fwav_companion.vision.images import Found
 
 MOST_OFFSET = 0.25
-"""Distance of the two centres as a share of the outer tag's side, with the motion between two pictures. Tags that lie
-side by side are farther apart than half of it."""
+"""Largest distance of the two centres as a share of the outer tag's side, including the motion between two pictures.
+Tags that lie side by side are farther apart than half of that side."""
 MOST_SIZE = 0.5
-"""Side of the inner tag as a share of the outer one's: a larger one would cover its code."""
+"""Largest side of the inner tag as a share of the outer tag's: a larger one would cover its code."""
 RECENT = 5
-"""Pictures, at 30 frames/s a sixth of a second, in which the outer tag may have been seen last."""
+"""Number of recent pictures in which the outer tag is searched: a sixth of a second at 30 frames/s."""
 SIGHTINGS = 2
-"""Pictures after which the two are known to be one target."""
+"""Number of pictures after which the two tags are known to be one target."""
 MOST_PAIRS = 64
-"""Pairs that are remembered: more than pads on a field."""
+"""Most pairs that are remembered: more than the pads on a field."""
 
 
 class NestedTags:
@@ -68,7 +68,7 @@ class NestedTags:
 
 
 def _is_inside(small: Found, large: Found) -> bool:
-    """Whether a tag lies in the middle of another one, or of where that one was."""
+    """Whether a tag lies in the middle of another tag's present or recent place."""
     side = _side(large)
     offset = hypot(small["u"] - large["u"], small["v"] - large["v"])
     other = small["label"] != large["label"]

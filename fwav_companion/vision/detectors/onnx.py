@@ -1,4 +1,4 @@
-"""Detects objects with a model file of the user's, by onnxruntime.
+"""Detects objects with the user's model file, by onnxruntime.
 
 No model comes with this package. The file's format, input and labels are found in its shapes and metadata, or set by
 the configuration.
@@ -23,15 +23,15 @@ from fwav_companion.vision.wire import MAX_DETECTIONS
 
 _log = logging.getLogger(__name__)
 USUAL_SIDE = 640
-"""Side of the input of models that accept any size and do not name one."""
+"""Side of the input for models that accept any size and do not name one, pixels."""
 SIGMA_OF_SIZE = 0.05
-"""One sigma of a box's centre, each axis, as a share of the box's width and height. A rule, not a measurement: the
-truth depends on the model and on its pictures."""
+"""One sigma of a box's centre, each axis, as a share of the box's width and height. It is a rule, not a measurement:
+the true sigma depends on the model and on its pictures."""
 LEAST_SIGMA_PX = 1.0
 MOST_CANDIDATES = 2048
-"""Boxes above the least score that enter the suppression."""
+"""Most boxes above the least score that enter the suppression."""
 PLACINGS: Final[dict[str, Placing]] = {"yolox": "corner", "rtdetr": "stretch", "ssd": "stretch"}
-"""How each format was trained to see a picture of another shape; the others: margins on both sides."""
+"""Placing of a picture of another shape with which each format was trained; the others have margins on both sides."""
 TYPES: Final = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
 
 
@@ -79,7 +79,7 @@ class OnnxDetector:
 
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = self._task.threads, 1
-        options.log_severity_level = 4  # its own lines; a failure is reported by ours
+        options.log_severity_level = 4  # suppresses its own lines; our log reports a failure
         try:
             return onnxruntime.InferenceSession(self._task.model, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # noqa: BLE001  # onnxruntime has some ten classes without a common one
@@ -152,7 +152,7 @@ class _ModelInput:
         self.colors = "rgb"
 
     def settle_size(self, imgsz: str) -> None:
-        """Take the size of the file; ``imgsz``: [height, width] by its metadata, where any size is accepted."""
+        """Set the input size from the file; ``imgsz``: [height, width] by its metadata, if any size is accepted."""
         named = _literal(imgsz)
         fallback = named if isinstance(named, list) and len(named) == 2 else [USUAL_SIDE, USUAL_SIDE]
         height, width = (

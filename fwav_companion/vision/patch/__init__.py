@@ -1,8 +1,8 @@
-"""Patch tracking: follows any spot that an operator clicked, by its look, where the geometry predicts it. PURE.
+"""Patch tracking: follows any spot that an operator clicked, by its appearance near the predicted place. PURE.
 
-``pictures`` keeps the newest pictures within a bound of bytes; ``appearance`` holds how the spot looked;
-``patch_tracker`` finds it in the next picture, or says why it is not found; ``spots`` has all that are followed;
-``look_rate`` keeps its cost below a tenth of a core. Runs in the vision process.
+``pictures`` keeps the newest pictures within a bound of bytes; ``appearance`` keeps views of the spot;
+``patch_tracker`` finds it in the next picture, or gives the reason why not; ``spots`` has all followed spots;
+``look_rate`` keeps their cost below a tenth of a core. Runs in the vision process.
 """
 
 from fwav_companion.vision.patch.look_rate import LookRate

@@ -1,4 +1,4 @@
-"""How a spot of the ground looks: key views of it, and the look that the geometry predicts from them. PURE."""
+"""Appearance of a spot of the ground: its key views, and the patch that the geometry predicts from them. PURE."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Image = NDArray[np.uint8]
 Matrix2 = NDArray[np.float64]
 
 HALF_PX: Final = 15
-"""Half side of the compared patch, pixels: 31 x 31 hold enough texture at 640 x 480, and stay flat within 5 degrees."""
+"""Half side of the compared patch, pixels: 31 x 31 have enough texture at 640 x 480, and are flat within 5 degrees."""
 MARGIN: Final = 2.2
-"""Half side of what is kept around the spot, over :data:`HALF_PX`: a patch that is turned by 45 degrees and shrunk to
+"""Half side of the kept area around the spot, over :data:`HALF_PX`: a patch that is turned by 45 degrees and shrunk to
 0.64 is still inside."""
 KEPT_PX: Final = round(HALF_PX * MARGIN)
 SCALE_STEP: Final = 1.3
@@ -25,11 +25,11 @@ SCALE_STEP: Final = 1.3
 TURN_STEP: Final = 0.5
 """Change of direction from which a view is a new one, radians."""
 MOST_VIEWS: Final = 12
-"""The scales of a climb to eight times the height, or a turn by 360 degrees. The first view always stays."""
+"""Most key views: the scales of a climb to eight times the height, or a turn by 360 degrees. The first view stays."""
 
 
 class KeyView(msgspec.Struct, frozen=True):
-    """A look of the spot, cut from one picture."""
+    """A view of the spot, cut from one picture."""
 
     pixels: NDArray[np.float32]
     """Square of grey levels with the spot at its middle, to a fraction of a pixel."""
@@ -44,7 +44,7 @@ class Appearance:
         self._views = [first]
 
     def predicted(self, pixel_from_ground: Matrix2) -> NDArray[np.float32]:
-        """Square patch of the spot as a picture with this Jacobian shows it, by the key view that is nearest to it."""
+        """Square patch of the spot as predicted for a picture with this Jacobian, from the nearest key view."""
         view = min(self._views, key=lambda each: _distortion(pixel_from_ground, each.pixel_from_ground))
         view_from_now = view.pixel_from_ground @ np.linalg.inv(pixel_from_ground)
         there = np.hstack([view_from_now, np.full((2, 1), float(KEPT_PX)) - view_from_now @ np.full((2, 1), HALF_PX)])
@@ -56,7 +56,7 @@ class Appearance:
         return warped
 
     def add(self, view: KeyView) -> None:
-        """Keep the view where it differs from all others; the oldest but the first makes room."""
+        """Keep the view if it differs from all others; the oldest except the first is removed to make room."""
         if min(_distortion(view.pixel_from_ground, each.pixel_from_ground) for each in self._views) < 1.0:
             return
         self._views.append(view)
@@ -65,7 +65,7 @@ class Appearance:
 
 
 def cut(picture: Image, at: tuple[float, float], pixel_from_ground: Matrix2) -> KeyView | None:
-    """The look around a pixel; None where the picture ends there."""
+    """The view around a pixel; None if it extends beyond the picture."""
     height, width = picture.shape
     if not (KEPT_PX <= at[0] <= width - 1 - KEPT_PX and KEPT_PX <= at[1] <= height - 1 - KEPT_PX):
         return None
@@ -80,7 +80,7 @@ def jacobian(view: SpotView) -> Matrix2:
 
 
 def _distortion(now: Matrix2, then: Matrix2) -> float:
-    """How far two views are apart: 1 where a new one is due, by scale or by direction."""
+    """Difference of two views by scale and direction; from 1 on, a view is new."""
     now_from_then = now @ np.linalg.inv(then)
     turned, scales, back = np.linalg.svd(now_from_then)
     rotation = turned @ back

@@ -1,9 +1,9 @@
-"""Finds a clicked spot in the next picture: predicted look, predicted place, normalised correlation. PURE.
+"""Finds a clicked spot in the next picture by normalised correlation with its predicted patch. PURE.
 
-The geometry says where the spot must be and how it is turned and scaled, so the search is short and the template needs
-no update that could drift: a match is accepted against looks that were cut once (Lewis 1995, fast normalised
+The geometry predicts the place of the spot and its rotation and scale, so the search is short and the template needs
+no update that could drift. A match is accepted against views that were cut once (Lewis 1995, fast normalised
 cross-correlation), refined to a fraction of a pixel (Lucas & Kanade 1981), and checked backwards (Kalal, Mikolajczyk &
-Matas 2010, forward-backward error). What is not clearly the spot is no match, with a reason.
+Matas 2010, forward-backward error). A place that is not clearly the spot is rejected with a reason.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ LEAST_TEXTURE: Final = 6.0
 """Standard deviation of the patch, grey levels: twice the noise of a small sensor at dusk (2 to 3)."""
 LEAST_CORRELATION: Final = 0.70
 LEAST_LEAD: Final = 0.08
-"""Correlation by which the best place must exceed the second best one."""
+"""Least correlation by which the best place must exceed the second best one."""
 APART_PX: Final = 6
-"""Places nearer to one another than this are one peak of the correlation: a stone of this size."""
+"""Places closer together than this belong to one peak of the correlation, pixels: a stone of this size."""
 MOST_REACH_PX: Final = 96
-"""Largest search: beyond it the vehicle's motion is not known well enough to speak of a prediction."""
+"""Largest reach of the search, pixels: beyond it the vehicle's motion is not known well enough for a prediction."""
 FLOOR_PX: Final = 0.35
-"""One sigma of a perfect match: what motion blur and a look from another side shift it by, on rendered flights."""
+"""One sigma of a perfect match: its shift by motion blur and by another viewing direction, on rendered flights."""
 MOST_BACKWARD_PX: Final = 0.5
-"""Largest difference of the way forth and back."""
+"""Largest forward-backward error, pixels."""
 MOST_REFINED_PX: Final = 2.0
-"""Largest refinement: correlation finds whole pixels, and what moves further slides to another detail."""
+"""Largest refinement, pixels: correlation finds whole pixels, and a larger shift moves to another detail."""
 SIDE_PX: Final = 2 * HALF_PX + 1
 REFINE_WINDOW: Final = (2 * HALF_PX - 5, 2 * HALF_PX - 5)
 KEY_CORRELATION: Final = 0.85
-"""A match this good may become a key view."""
+"""Least correlation of a match that may become a key view."""
 REFINE_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
 
 
@@ -48,15 +48,15 @@ class NoMatch(StrEnum):
     OUTSIDE = "outside"
     """It is predicted outside the picture, or too close to its edge."""
     NO_TEXTURE = "no_texture"
-    """The patch is nearly uniform: any place would look like it."""
+    """The patch is nearly uniform: any place would resemble it."""
     UNLIKE = "unlike"
-    """No place within reach looks like it: it is covered, blurred, or the prediction is wrong."""
+    """No place within reach resembles it: it is covered, blurred, or the prediction is wrong."""
     AMBIGUOUS = "ambiguous"
-    """Two places within reach look like it."""
+    """Two places within reach resemble it."""
     FORGOTTEN = "forgotten"
     """The picture that was clicked on is not kept any more."""
     UNSTABLE = "unstable"
-    """The refinement did not come back to where it began."""
+    """The backward check of the refinement did not return to its start."""
 
 
 class PatchMatch(msgspec.Struct, frozen=True):
@@ -67,7 +67,7 @@ class PatchMatch(msgspec.Struct, frozen=True):
     sigma_px: float
     """One standard deviation of an axis."""
     correlation: float
-    """Of the predicted look with the picture, up to 1."""
+    """Correlation of the predicted patch with the picture, up to 1."""
 
 
 class PatchTracker:
@@ -105,7 +105,7 @@ class PatchTracker:
         return match
 
     def _learn(self, picture: Image, match: PatchMatch, view: SpotView) -> None:
-        """Keep a good look from a new direction or distance."""
+        """Keep a good view from a new direction or distance."""
         if match.correlation >= KEY_CORRELATION:
             look = cut(picture, match.at, jacobian(view))
             if look is not None:
@@ -136,7 +136,7 @@ def _search(picture: Image, template: NDArray[np.float32], view: SpotView) -> _P
 
 
 def _refine(picture: Image, template: NDArray[np.float32], at: tuple[float, float]) -> tuple[float, float] | None:
-    """The place to a fraction of a pixel, by Lucas-Kanade from the predicted look; None where it is unstable."""
+    """The place to a fraction of a pixel, by Lucas-Kanade from the predicted patch; None if it is unstable."""
     patch = cv2.getRectSubPix(picture, (SIDE_PX, SIDE_PX), at)
     look = np.clip(template, 0.0, 255.0).astype(np.uint8)
     middle = (float(HALF_PX), float(HALF_PX))
@@ -148,7 +148,7 @@ def _refine(picture: Image, template: NDArray[np.float32], at: tuple[float, floa
 
 
 def _flow(before: Image, after: Image, point: tuple[float, float]) -> tuple[float, float] | None:
-    """Where a point of one picture is in the other, by Lucas-Kanade; None where it does not converge."""
+    """The place of a point of one picture in the other, by Lucas-Kanade; None if it does not converge."""
     points = np.array([[point]], np.float32)
     moved, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, points.copy(), winSize=REFINE_WINDOW, maxLevel=0, criteria=REFINE_STOP

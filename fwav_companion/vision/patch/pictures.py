@@ -1,4 +1,4 @@
-"""The newest pictures, kept so that a click can mean one of some hundred milliseconds ago. PURE."""
+"""Keeps the newest pictures, so that a click can refer to a picture some hundred milliseconds old. PURE."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.vision.patch.appearance import Image
 
 MOST_BYTES: Final = 16 * 2**20
-"""54 grey pictures of 640 x 480: 1.8 s at 30 frames/s."""
+"""Most bytes of kept pictures: 54 grey pictures of 640 x 480, 1.8 s at 30 frames/s."""
 
 
 class KeptPicture(msgspec.Struct, frozen=True):

@@ -11,7 +11,7 @@ from fwav_companion.vision.patch.patch_tracker import NoMatch, PatchTracker
 from fwav_companion.vision.patch.pictures import KeptPictures
 
 MOST_SPOTS: Final = 4
-"""Followed at once: one is what a station selects, the others are former clicks whose tracks live."""
+"""Most spots that are followed at the same time: the one selected by a station, and former clicks with live tracks."""
 
 
 class FollowedSpots:
@@ -25,7 +25,7 @@ class FollowedSpots:
         return bool(self._trackers)
 
     def follow(self, order: FollowSpot) -> NoMatch | None:
-        """Begin to follow a spot; the reason where it cannot be followed. The oldest one makes room."""
+        """Begin to follow a spot; returns the reason if this is not possible. The oldest spot makes room."""
         picture = self._pictures.find(order.picture)
         if picture is None:
             return NoMatch.FORGOTTEN
@@ -38,7 +38,7 @@ class FollowedSpots:
         return None
 
     def release(self, spot: int) -> None:
-        """Follow a spot no more."""
+        """Stop following a spot."""
         self._trackers.pop(spot, None)
 
     def detections(self, picture: Image, views: Mapping[int, SpotView]) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ from fwav_companion.vision.task import VisionTask
 def open_source(task: VisionTask) -> Source:
     """The open source that [vision] source names; the kind of a path follows from its file. SourceLostError.
 
-    Of cameras, streams and pipes the newest picture is delivered, of a folder and of a video one after another.
+    Cameras, streams and pipes deliver their newest picture, a folder and a video one picture after another.
     """
     match source_kind(task.source):
         case SourceKind.LIBCAMERA:

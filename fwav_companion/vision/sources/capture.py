@@ -16,15 +16,15 @@ from fwav_companion.vision.images import Picture, Pixels, SourceEndedError, Sour
 from fwav_companion.vision.task import VisionTask
 
 LIKELY_AGE_S = 1.0
-"""A driver's stamp that is older, or in the future, is on another clock."""
+"""Largest age of a driver's stamp, seconds: an older one, or one in the future, is on another clock."""
 MOST_FAILURES = 10
-"""Unreadable pictures in a row after which a camera counts as lost: a cable that is touched truncates one or two."""
+"""Unreadable pictures in a row after which a camera counts as lost: touching a cable truncates one or two."""
 EXPOSURE_UNIT_S = 1e-4
-"""Of V4L2_CID_EXPOSURE_ABSOLUTE (V4L2 specification, camera control reference)."""
+"""Unit of V4L2_CID_EXPOSURE_ABSOLUTE, seconds (V4L2 specification, camera control reference)."""
 MOST_RAW_PX = 640 * 480
-"""Raw pictures of more pixels exceed USB 2 at 30 frames/s, 16 bits a pixel; cameras then fall to some 5 frames/s."""
+"""Most pixels of a raw picture: more exceed USB 2 at 30 frames/s, 16 bits a pixel; cameras then fall to some 5."""
 MANUAL, AUTOMATIC = 1.0, 3.0
-"""V4L2_EXPOSURE_MANUAL, and aperture priority: what UVC cameras have of an automatic exposure."""
+"""V4L2_EXPOSURE_MANUAL, and aperture priority, the automatic exposure of UVC cameras."""
 
 
 class _Capture:
@@ -83,7 +83,7 @@ class DeviceSource(_Capture):
 
 
 def set_up(capture: cv2.VideoCapture, task: VisionTask) -> None:
-    """Ask a V4L2 camera for size, frame rate, exposure and gain. It takes the nearest that it has."""
+    """Request size, frame rate, exposure and gain of a V4L2 camera. It takes the nearest values that it supports."""
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     if task.size:
         width, height = task.size
@@ -116,7 +116,7 @@ class VideoSource(_Capture):
         self._started_s = time.monotonic()
 
     def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # a file does not block
-        """The next frame at its due time. Frames that are due already, after a slow detector, are skipped."""
+        """The next frame at its due time. After a slow detector, frames that are already due are skipped."""
         skipped = 0
         while self._grabbed() and self._due_s() + self._interval_s() < time.monotonic():
             skipped += 1
@@ -137,6 +137,6 @@ class VideoSource(_Capture):
         return self._started_s + float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
 
     def _interval_s(self) -> float:
-        """Interval of the frames, seconds: a frame is replaced by the next one after it."""
+        """Interval of the frames, seconds: after it the next frame replaces a frame."""
         fps = float(self._capture.get(cv2.CAP_PROP_FPS))
         return 1.0 / fps if fps > 0.0 else 0.04

@@ -1,4 +1,4 @@
-"""``libcamera:N``: a Raspberry Pi's camera through picamera2, which the operating system brings, not PyPI.
+"""``libcamera:N``: a Raspberry Pi's camera through picamera2, a package of the operating system, not of PyPI.
 
 SensorTimestamp is the end of the first row's readout, on CLOCK_MONOTONIC: that is ``stamp = "row0_end"``.
 """
@@ -14,10 +14,11 @@ from fwav_companion.vision.images import Picture, SourceLostError
 from fwav_companion.vision.task import VisionTask
 
 SIZE = (640, 480)
-"""Size where neither the configuration nor a calibration names one."""
+"""Width and height if neither the configuration nor a calibration names a size, pixels."""
 US_PER_S = 1e6
 LIKELY_AGE_S = 1.0
-"""A stamp that is older, or in the future, is on another clock or jumped: the arrival counts then."""
+"""Largest age of a stamp, seconds: an older one, or one in the future, is on another clock or jumped; the arrival
+replaces it."""
 MISSING = (
     "picamera2 is not installed for this interpreter: sudo apt install python3-picamera2, and "
     '[vision] python = "/usr/bin/python3"'
@@ -28,7 +29,7 @@ class LibcameraSource:
     """One camera of the board."""
 
     def __init__(self, task: VisionTask, *, color: bool) -> None:
-        """``color``: whether the detector needs colour; grey levels are a third of the work."""
+        """``color``: whether the detector needs colour; grey levels take a third of the work."""
         if find_spec("picamera2") is None:
             raise SourceLostError(MISSING)
         width, height = task.size or SIZE
@@ -39,7 +40,7 @@ class LibcameraSource:
             main = {"size": (width, height), "format": "RGB888" if color else "YUV420"}
             camera.configure(camera.create_video_configuration(main=main, controls=controls_of(task)))
             camera.start()
-        except (ImportError, ValueError) as error:  # compiled for another numpy, as a newer one of this environment
+        except (ImportError, ValueError) as error:  # compiled for another numpy than this environment's
             raise SourceLostError(f'picamera2: {error}; set [vision] python = "/usr/bin/python3"') from None
         except (RuntimeError, IndexError, OSError) as error:
             raise SourceLostError(f"{task.source}: {error}") from None
@@ -59,7 +60,7 @@ class LibcameraSource:
             request.release()
         self._number += 1
         width, height = self._size
-        pixels = planes[:height, :width].copy()  # of YUV420 the first plane has the grey levels
+        pixels = planes[:height, :width].copy()  # the first plane of YUV420 has the grey levels
         exposure_s = metadata["ExposureTime"] / US_PER_S if "ExposureTime" in metadata else None
         now_s = time.monotonic()
         stamped_s = metadata.get("SensorTimestamp", 0) / 1e9

@@ -21,9 +21,9 @@ from fwav_companion.vision.images import Picture, SourceLostError, exposure_of, 
 CHANNELS = {"gray8": 1, "bgr8": 3}
 LONGEST_LINE = 4096
 MOST_PIXELS = 1 << 26
-"""64 megapixels: cameras of small vehicles have fewer."""
+"""Most pixels of a picture: 64 megapixels; cameras of small vehicles have fewer."""
 PIPE_BYTES = 1 << 20
-"""Requested from the kernel, so that a writer does not wait every 64 KiB."""
+"""Size of the pipe that is requested from the kernel, so that a writer does not wait every 64 KiB."""
 
 
 class PipeSource:

@@ -1,9 +1,9 @@
-"""Streams of the network by PyAV: RTSP, MPEG-TS over UDP, and RTP by an SDP file.
+"""Network streams by PyAV: RTSP, MPEG-TS over UDP, and RTP by an SDP file.
 
-Each RTP packet carries the server's time once its RTCP report has come: PyAV's ``prft`` side data, 8 bytes of
-microseconds since 1970 and 4 of flags, little-endian. A packet's time belongs to the frame with its pts: decoders may
+Each RTP packet has the server's time after the first RTCP report: PyAV's ``prft`` side data, 8 bytes of microseconds
+since 1970 and 4 of flags, little-endian. A packet's time belongs to the frame with its pts, because decoders may
 reorder frames. It is mostly the time of sending, and cameras without NTP count from any epoch: ``server_clock`` maps it
-to this board's clock. Before the first report, and in MPEG-TS, the arrival counts.
+to this board's clock. Before the first report, and in MPEG-TS, the arrival is used.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from fwav_companion.vision.server_clock import ServerClock
 _log = logging.getLogger(__name__)
 TIMEOUT_S = 5.0
 MOST_PENDING = 64
-"""Packets whose frame has not left the decoder; codecs hold back 16 at most (H.264, annex A)."""
+"""Most packets whose frame has not left the decoder; codecs hold back 16 at most (H.264, annex A)."""
 OPTIONS = {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay"}
-"""FFmpeg options: complete frames rather than fast ones, and none that is held back."""
+"""FFmpeg options: complete frames rather than fast ones, and no buffering."""
 SDP_OPTIONS = {"protocol_whitelist": "file,udp,rtp"}
 PRODUCER_TIME = "prft"
 
@@ -45,7 +45,7 @@ class StreamSource:
             raise SourceLostError(f"{url}: {_reason(error)}") from None
         except IndexError:
             raise SourceLostError(f"{url}: the stream has no video") from None
-        video.thread_type = "SLICE"  # threads by frames hold back as many
+        video.thread_type = "SLICE"  # threads by frames hold back as many frames
         self._times: OrderedDict[int | None, tuple[float | None, float]] = OrderedDict()
         self._errors: tuple[type[Exception], ...] = (av.error.FFmpegError, OSError)
         self._pictures = self._decoded(video)
