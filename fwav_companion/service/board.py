@@ -1,4 +1,4 @@
-"""SHELL: the board that we run on: its load, its name, and whether its wall clock is synchronised."""
+"""SHELL: the board of this process: its load, its name, and whether its wall clock is synchronised."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fwav_companion.types.board import BoardReport, LinkLoad
 from fwav_companion.types.network_status import LinkReport
 
 NAME_LENGTH = 12
-"""Hexadecimal digits: enough to distinguish the boards of one operation."""
+"""Length of a board's name in hexadecimal digits: enough to distinguish the boards of one operation."""
 TIME_ERROR = 5
 """Return value of adjtimex(2) while the clock is not synchronised."""
 TIMEX_BYTES = 256
@@ -29,7 +29,7 @@ def board_name(machine_id: Path = Path("/etc/machine-id")) -> str:
 
 
 def wall_clock_is_synchronised() -> bool:
-    """The kernel's flag, which NTP daemons set (adjtimex(2) without an adjustment needs no privilege)."""
+    """Whether the kernel's flag is set, as by NTP daemons (adjtimex(2) without an adjustment needs no privilege)."""
     import ctypes  # needed only where Cursor on Target is sent
 
     try:
@@ -43,7 +43,7 @@ class BoardWatch:
     """Measures the load since the previous report."""
 
     def __init__(self, serial: Mapping[str, bool], proc: Path = Path("/proc"), sys: Path = Path("/sys")) -> None:
-        """``serial``: by name of the link, whether it is a serial line."""
+        """``serial``: whether a link is a serial line, by name of the link."""
         self._serial = serial
         self._proc = proc
         self._celsius = sys / "class/thermal/thermal_zone0/temp"
@@ -64,7 +64,7 @@ class BoardWatch:
         )
 
     def _cpu(self) -> tuple[float, ...]:
-        """/proc/stat, proc(5): user, nice, system, idle, iowait, irq, softirq, steal."""
+        """Load of each core, from /proc/stat, proc(5): user, nice, system, idle, iowait, irq, softirq, steal."""
         ticks = []
         for line in _text(self._proc / "stat").splitlines():
             name, *numbers = line.split()

@@ -13,7 +13,7 @@ from fwav_companion.service.latest_file import LatestFile, state_path
 
 NAME = "calibration.json"
 EVERY_TICKS = 60
-"""Written once a minute, since it hardly changes, and at the end."""
+"""Interval of writes, in ticks of a second: the result hardly changes. It is also written at the end."""
 
 
 class _Kept(msgspec.Struct):
@@ -36,7 +36,7 @@ class CalibrationStore:
         self._latest: KeptCalibration | None = None
 
     def kept(self) -> KeptCalibration | None:
-        """Calibration of an earlier flight; None where it is missing, damaged, or of another camera."""
+        """Calibration of an earlier flight; None if it is missing, damaged, or belongs to another camera."""
         if self._path is None:
             return None
         try:
@@ -51,7 +51,7 @@ class CalibrationStore:
             self._file.start()
 
     def tick(self, found: KeptCalibration | None) -> None:
-        """Take the newest result, once a second."""
+        """Update the result, once a second."""
         self._latest = found or self._latest
         self._ticks += 1
         if self._ticks % EVERY_TICKS == 0:

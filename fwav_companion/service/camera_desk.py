@@ -40,7 +40,7 @@ class CameraDesk:
             self._flush(now)
 
     def on_shown(self, data: bytes) -> None:
-        """Answer where a picture that someone looks at, a frame in the wire format, shows the tracks."""
+        """Answer where a picture of the preview, a frame in the wire format, shows the tracks."""
         now = self._clock.now()
         frame = self._frame(data, now)
         if frame is not None and self.vision is not None:
@@ -54,13 +54,13 @@ class CameraDesk:
             self._journal.picture(frame, jpeg)
 
     def on_refused(self, refused: SpotRefused) -> None:
-        """Take a spot that the camera process cannot follow."""
+        """Report a spot that the camera process cannot follow to the pipeline."""
         now = self._clock.now()
         self._pipeline.on_spot_refused(refused, now)
         self._flush(now)
 
     def send(self, orders: Iterable[SpotMessage]) -> None:
-        """Hand over the pipeline's orders."""
+        """Send the pipeline's orders to the camera process."""
         for order in orders:
             if self.vision is not None and not self.vision.send(_encode(order)):
                 warn("the camera process takes no order: the click is not followed")

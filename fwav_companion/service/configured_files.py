@@ -12,7 +12,7 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content, opened
 
 LARGEST_BYTES = 1 << 20
-"""A calibration has some hundred bytes; a file of a megabyte is not one."""
+"""Largest size of a calibration file: it has some hundred bytes; a file of a megabyte is another file."""
 
 
 def load_calibration(config: Config) -> Calibration:
@@ -52,7 +52,7 @@ def recorded_extra_files(config: Config) -> dict[str, bytes]:
 def recorded_configuration(folder: Path) -> tuple[str, list[str]]:
     """The one configuration in a recording's folder, and the setting that names the camera file's copy there.
 
-    A recording stores both under the names that they had. InputFileError where there are several configurations.
+    A recording stores both under their original names. InputFileError if there are several configurations.
     """
     found = sorted(folder.glob("*.toml"))
     if len(found) != 1:

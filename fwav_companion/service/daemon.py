@@ -41,8 +41,8 @@ class Service:
     ) -> None:
         """``elevation``: the tiles of [ground] terrain.
 
-        ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: for a
-        witness that reads the vehicle's attitudes afterwards.
+        ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: length of the
+        attitude history for a witness that reads it afterwards.
         """
         self._parts = parts = make_parts(
             config,
@@ -88,7 +88,7 @@ class Service:
         self._close()
 
     async def listen(self, seconds: float) -> RunStatus:
-        """Run for this time and return the status of its end. For ``check``."""
+        """Run for this time and return the status at its end. For ``check``."""
         self._start()
         try:
             await asyncio.sleep(seconds)

@@ -19,11 +19,11 @@ from fwav_companion.types import Frame, NoFrame, Notice, Outgoing
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 SMALL_BYTES = 2048
-"""Bytes of one read that cost a tenth of a millisecond at most: the autopilot's links need not go first."""
+"""Size of a read that costs a tenth of a millisecond at most: the autopilot's links need not be read before it."""
 
 
 class Dispatcher:
-    """Routes what arrives to the node and the pipeline, and sends, records and logs their outputs."""
+    """Passes received bytes and frames to the node and the pipeline, and sends, records and logs their outputs."""
 
     def __init__(self, parts: ServiceParts) -> None:
         self._log = parts.log
@@ -55,12 +55,12 @@ class Dispatcher:
         self.camera = CameraDesk(self._pipeline, self._clock, self._journal, self.flush)
         self._alarm = PipelineTimer(self.on_alarm)
         self.witness: Witness | None = None
-        """Observer of what arrives."""
+        """Observer of received frames and messages."""
 
     # What comes in.
 
     def on_bytes(self, link: str, data: bytes) -> bool:
-        """Take the bytes of one read of a link. Whether they subscribe their sender to the link."""
+        """Process the bytes of one read of a link; returns whether they subscribe their sender to the link."""
         if len(data) > SMALL_BYTES:
             self._poll_autopilots(link)
         now = self._clock.now()
@@ -96,7 +96,7 @@ class Dispatcher:
         self.flush(now)
 
     def _follow(self, passed: Sequence[PassedRequest], now: HostNs) -> Sequence[Outgoing]:
-        """What we ask behind stations' requests for message rates: in the write that carries these."""
+        """Requests of the service that follow stations' requests for message rates, in the same write."""
         return self._pipeline.on_rate_requests(passed, self._node.demanded, now)
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
@@ -114,7 +114,7 @@ class Dispatcher:
         self.flush(now)
 
     def _heard(self, now: HostNs) -> None:
-        """Do and send what is due before the event's own work: a TIMESYNC must not wait for it."""
+        """Do and send all due work before the event's own work: a TIMESYNC must not wait for it."""
         self._alarm.heard(now)
         due = self._pipeline.wake_at
         if due is not None and due <= now:
@@ -122,7 +122,7 @@ class Dispatcher:
             self.flush(now)
 
     def on_alarm(self) -> None:
-        """Do what is due by now, and set the timer again."""
+        """Do all work that is due, and set the timer again."""
         now = self._clock.now()
         if self._alarm.is_early(now, self._pipeline.wake_at, self._node.wake_at):
             self._arm(now)
@@ -133,7 +133,7 @@ class Dispatcher:
         self.flush(now)
 
     def report(self, notices: Sequence[Notice], now: HostNs) -> None:
-        """Report what a part of the service noticed."""
+        """Report the notices of a part of the service."""
         if notices:
             self._pipeline.on_notices(notices, now)
             self.flush(now)

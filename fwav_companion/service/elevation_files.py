@@ -24,7 +24,7 @@ from fwav_companion.on_disk import opened
 HGT_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3}).*\.hgt", re.IGNORECASE)
 HGT_VOID = -32768
 MOST_SAMPLES = 40_000_000
-"""Of a GeoTIFF: 160 MB in memory. A tile of one arc second has 13 million."""
+"""Most samples of a GeoTIFF: 160 MB in memory. A tile of one arc second has 13 million."""
 GEOTIFF_SUFFIXES = (".tif", ".tiff")
 
 

@@ -1,4 +1,4 @@
-"""SHELL: shares this vehicle's tracks and state with others, where [fleet] is configured."""
+"""SHELL: shares this vehicle's tracks and state with others if [fleet] is configured."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class FleetSharing:
         warn: Callable[[str], None],
         on_notice: Callable[[Notice], None],
     ) -> None:
-        """``warn``: takes a line for the log. ``on_notice``: takes what the ground must know. UserError by zenoh."""
+        """``warn``: writes a line to the log. ``on_notice``: receives notices for the ground. UserError by zenoh."""
         self._table, self._pipeline, self._now = table, pipeline, now
         self._warn, self._on_notice = warn, on_notice
         path = str(config.resolve(table.config)) if table.config else ""

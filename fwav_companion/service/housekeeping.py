@@ -1,4 +1,4 @@
-"""SHELL: what the daemon does once a second: watchdog, board, reports, stores, and the status file."""
+"""SHELL: the daemon's work of once a second: watchdog, board, reports, stores, and the status file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Housekeeping:
         notifier: SystemdNotifier,
         utc_leaves: bool,
     ) -> None:
-        """``utc_leaves``: whether UTC leaves the board."""
+        """``utc_leaves``: whether messages with UTC leave the board."""
         self._parts = parts
         self._dispatcher = dispatcher
         self._status = status
@@ -42,7 +42,7 @@ class Housekeeping:
         self._ticks = 0
 
     def tick(self) -> None:
-        """Ping the systemd watchdog and do what else is due once a second; then write the status file."""
+        """Ping the systemd watchdog and do the other work of once a second; then write the status file."""
         loop = asyncio.get_running_loop()
         loop.call_later(INTERVAL_S, self.tick)
         loop.call_soon(self._write_status)
@@ -58,19 +58,19 @@ class Housekeeping:
         parts.calibrations.tick(parts.pipeline.calibration_to_keep)
 
     def _write_status(self) -> None:
-        """Queue the status. Done last, since the thread that writes it waits until this one has no more work."""
+        """Queue the status. This comes last, because the writing thread waits until this thread has no more work."""
         self._status_file.write(encoded(self._status.at(self._parts.clock.now())))
         search_for_garbage(self._ticks)
 
     def _tick_signing(self, now: HostNs) -> None:
-        """Keep the signing time, and report where it is ahead."""
+        """Keep the signing time, and report if it is ahead."""
         if self._parts.node.signing_clock is None:
             return
         read_ns, unix_ns = self._parts.clock.read()
         self._dispatcher.report(self._parts.signing.tick(read_ns, unix_ns), now)
 
     def _look_at_board(self, now: HostNs) -> None:
-        """Report the board's load. The wall clock is read only where UTC leaves the board."""
+        """Report the board's load. The wall clock is read only if UTC leaves the board."""
         believed = self._utc_leaves and wall_clock_is_synchronised()
         read_ns, unix_ns = self._parts.clock.read()
         utc_minus_host_s = (unix_ns - read_ns) / NS_PER_S if believed else None

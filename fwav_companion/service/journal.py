@@ -1,4 +1,4 @@
-"""SHELL: the recording of the flight: what arrived, what was sent, and what was found."""
+"""SHELL: the recording of the flight: received messages and frames, sent messages, and the target lines."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from fwav_companion.vision.wire import encode_frame, stamp_line
 
 
 class Journal:
-    """Feeds the recorder, on the recording's clock, in the order in which a replay repeats the events."""
+    """Passes events to the recorder, on the recording's clock, in the order in which a replay repeats them."""
 
     def __init__(self, recorder: Recorder | None, clock: HostClock) -> None:
-        """``recorder``: None where recording is off."""
+        """``recorder``: None if recording is off."""
         self._recorder = recorder
         self.records = recorder is not None
         """Whether recording is on."""
@@ -41,7 +41,7 @@ class Journal:
             self._recorder.detection(unix_us, began_with_line(unix_us, msgspec.to_builtins(kept)))
 
     def close(self, timeout_s: float) -> None:
-        """Write what waits, for at most this time."""
+        """Write the waiting data, for at most this time."""
         if self._recorder is not None:
             self._recorder.close(timeout_s)
 
@@ -52,7 +52,7 @@ class Journal:
                 self._recorder.telemetry(self._clock.unix_us(now), unsigned(frame))
 
     def sent(self, frame: bytes, now: HostNs) -> None:
-        """Record a message of ours once, whatever the number of its links."""
+        """Record a message of the service once, whatever the number of its links."""
         if self._recorder is not None:
             self._recorder.telemetry(self._clock.unix_us(now), without_signature(frame))
 
@@ -64,7 +64,7 @@ class Journal:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
 
     def picture(self, frame: Frame, jpeg: bytes) -> None:
-        """Record a picture of our own camera. ``frame``: its stamp and number."""
+        """Record a picture of the service's own camera. ``frame``: its stamp and number."""
         if self._recorder is not None:
             self._pictures += 1
             file = f"{self._pictures:06d}.jpg"
@@ -77,7 +77,7 @@ class Journal:
                 self._recorder.target(self._clock.unix_us(now), line)
 
     def armed(self, armed: bool, now: HostNs) -> None:
-        """Take the armed state, which may decide what is recorded; repeated calls do no harm."""
+        """Set the armed state, which may decide what is recorded; repeated calls have no effect."""
         if self._recorder is not None:
             self._recorder.on_armed(armed, self._clock.unix_us(now))
 
@@ -94,5 +94,5 @@ class Journal:
 
     @property
     def state(self) -> str | None:
-        """For the status file: the folder, why recording failed, or what it waits for; None where it is off."""
+        """State for the status file: the folder, why recording failed, or what it waits for; None if it is off."""
         return None if self._recorder is None else self._recorder.state

@@ -12,9 +12,9 @@ from fwav_companion.on_disk import whole
 
 STATUS_NAME = "status.json"
 STATUS_MODE = 0o644
-"""Every user's `check` may read the status."""
+"""Permissions of the status file: every user's `check` may read it."""
 STATE_MODE = 0o640
-"""The state is for the service and its group."""
+"""Permissions of a state file: for the service and its group."""
 
 
 def status_paths(configured: Path | None, environment: Mapping[str, str] = os.environ) -> list[Path]:
@@ -41,7 +41,7 @@ class LatestFile:
     """Writes the newest content to the first writable path; a failure of all paths is reported once."""
 
     def __init__(self, paths: Sequence[Path], on_failure: Callable[[str], None], *, outlives_us: bool) -> None:
-        """``on_failure`` is called from the thread. ``outlives_us``: sync the file, and do not remove it at the end."""
+        """``on_failure`` is called from the thread. ``outlives_us``: sync the file, and keep it at the end."""
         self._paths = paths
         self._on_failure = on_failure
         self._outlives_us = outlives_us
@@ -83,7 +83,7 @@ class LatestFile:
             _remove_own(written, newest)
 
     def _write(self, content: bytes) -> Path | None:
-        """Write the content; the path, or None if every path failed."""
+        """Write the content; returns the path, or None if every path failed."""
         why = "no directory for it"
         for path in self._paths:
             try:

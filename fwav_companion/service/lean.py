@@ -1,4 +1,4 @@
-"""Memory that the daemon does not need, and garbage collection that neither it nor a replay needs.
+"""Saves memory in the daemon, and avoids needless garbage collection in the daemon and in replays.
 
 A file of its own, because it runs before asyncio and hashlib are imported.
 """
@@ -15,10 +15,10 @@ from typing import cast
 def spare_memory() -> None:
     """Keep OpenSSL and pymavlink's module out of memory. Call before asyncio is imported, in the daemon alone.
 
-    asyncio and hashlib work without OpenSSL, as on a Python that was built without it: 6 MiB. The daemon opens no TLS
-    connection, and Python's own SHA-256 takes 0.2 us longer on a frame. Of pymavlink only tables are needed, which have
-    been read: the memory of its classes is used by later imports, so a relay has 28 MiB and not 32. Until
-    :func:`leave_the_rest_alone` no search for garbage interrupts the imports: 5 % of the start.
+    asyncio and hashlib work without OpenSSL, as on a Python that was built without it: this saves 6 MiB. The daemon
+    opens no TLS connection, and Python's own SHA-256 takes 0.2 us longer on a frame. Only tables of pymavlink are
+    needed, and they have been read: later imports reuse the memory of its classes, so a relay has 28 MiB and not 32.
+    Until :func:`leave_the_rest_alone` no garbage collection interrupts the imports, which saves 5 % of the start.
     """
     for name in ("ssl", "_hashlib"):
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
@@ -33,8 +33,8 @@ def spare_memory() -> None:
 
 @contextmanager
 def without_searches() -> Iterator[None]:
-    """Pause the search for garbage while a replay imports its modules and reads its recording, which stay: 6 % of its
-    start-up time.
+    """Pause garbage collection while a replay imports its modules and reads its recording, which are permanent. This
+    saves 6 % of its start-up time.
     """
     gc.disable()
     try:
@@ -44,15 +44,15 @@ def without_searches() -> Iterator[None]:
 
 
 NEW_BEFORE_A_SEARCH = 50_000
-"""New containers before a search for garbage that interrupts the work: more than ten targets make between two of
-:func:`search_for_garbage`. By Python's default of 700 a search ran in every seventh frame. The daemon makes almost no
-reference cycles."""
+"""Number of new containers that starts a garbage collection in the middle of the work. Ten targets make fewer between
+two calls of :func:`search_for_garbage`. With Python's default of 700, a collection ran in every seventh frame. The
+daemon makes almost no reference cycles."""
 
 
 def leave_the_rest_alone() -> None:
     """Exclude all present objects from garbage collection. Call when everything permanent has been made.
 
-    A full search went through every module, 25 ms in flight; now it covers only later objects.
+    A full collection went through every module, 25 ms in flight; now it covers only later objects.
     """
     gc.collect()
     gc.freeze()
@@ -61,10 +61,10 @@ def leave_the_rest_alone() -> None:
 
 
 def search_for_garbage(second: int) -> None:
-    """Search what is new for garbage every 16 s, and everything every four minutes. Call it in a quiet moment.
+    """Collect garbage among new objects every 16 s, and among all every four minutes. Call it in a quiet moment.
 
-    The limit of new containers is then not reached, so no search interrupts a frame. With ten targets one takes 4 ms,
-    and hardly less every second: most of it goes through what a second needs anyway.
+    The limit of new containers is then not reached, so that no collection interrupts a frame. With ten targets one
+    takes 4 ms, and hardly less if called every second: it mostly goes through objects that are in use anyway.
     """
     if second % 16 == 0:
         gc.collect(2 if second % 256 == 0 else 1)

@@ -21,7 +21,7 @@ _LEVELS = {
 
 
 class ServiceLog:
-    """Writes the log of one run, and keeps what the status file repeats."""
+    """Writes the log of one run, and keeps the counts and texts that the status file repeats."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -58,11 +58,11 @@ class ServiceLog:
             log.warning("link %s is down: %s; trying again", name, _with_advice(why))
 
     def peer_refused(self, name: str, peer: str) -> None:
-        """Log that a peer of a server link found no place, or lost it; at most once a minute for a link."""
+        """Log that a server link had no room for a peer, or dropped one; at most once a minute for a link."""
         log.warning("link %s: no place for %s: too many peers, or no valid MAVLink frame from it", name, peer)
 
     def detections_heard(self, listens: bool, why: str) -> None:
-        """Log where the socket of the detections cannot be opened."""
+        """Log that the socket of the detections cannot be opened."""
         self.deaf_because = why
         if not listens:
             url = self._config.detections.url
@@ -89,7 +89,7 @@ class ServiceLog:
 
 
 def _with_advice(why: str) -> str:
-    """The reason why something does not open; another program is the frequent one."""
+    """The reason why a file or port does not open, with advice on the frequent one, another program."""
     return f"{why} (`check` names the program)" if "in use" in why else why
 
 

@@ -1,4 +1,4 @@
-"""SHELL: the daemon's place in the MAVLink network: the node of all links, and what leaves through it."""
+"""SHELL: the daemon in the MAVLink network: the node of all links, and the sending of its messages."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from fwav_companion.types import Outgoing
 
 
 def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:
-    """The node of all links. ``signing_timestamp``: the first timestamp of our signatures, where there is a key.
+    """The node of all links. ``signing_timestamp``: the first timestamp of the service's signatures, if it has a key.
 
-    ConfigError where a link's max_rate_hz names an unknown message.
+    ConfigError if a link's max_rate_hz names an unknown message.
     """
     _require_message_names(config)
     signing = signing_policy(config, signing_key, signing_timestamp)
@@ -29,7 +29,7 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
 
 
 def _require_message_names(config: Config) -> None:
-    """Check the message names here and not where the file is read: only the daemon needs MAVLink's definitions."""
+    """Check the message names. This is not done while the file is read: only the daemon needs MAVLink's definitions."""
     for number, link in enumerate(config.link, start=1):
         for name in link.max_rate_hz:
             if name not in BY_NAME:
@@ -40,7 +40,7 @@ def _require_message_names(config: Config) -> None:
 
 
 class Outbox:
-    """Sends our messages over the links of their destinations; all for one link at one time in one write."""
+    """Sends the service's messages over the links of their destinations, in one write for each link."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class Outbox:
                 self._map_link.send(datagram)
 
     def forward(self, forwards: Sequence[tuple[str, bytes]], followed: Sequence[Outgoing], now: HostNs) -> None:
-        """Send frames of others as they came, and our messages that follow them, in one write for each link."""
+        """Forward received frames unchanged, followed by the service's own messages, in one write for each link."""
         if followed:
             forwards = coalesced([*forwards, *self._frames(followed, now)])
         for name, data in forwards:

@@ -1,4 +1,4 @@
-"""SHELL: the parts of a run that call no other part back: clock, log, pipeline, MAVLink node, recording and stores."""
+"""SHELL: the parts of a run without callbacks to other parts: clock, log, pipeline, MAVLink node, recording, stores."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fwav_companion.service.timer import HostClock
 
 
 class ArrivalCount:
-    """Frames that arrive, used or not, from another process or from our own camera."""
+    """Count of all frames that arrive, used or not, from another process or from the service's camera."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -44,7 +44,7 @@ class ServiceParts(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     clock: HostClock
     calibrations: CalibrationStore
     kept: KeptCalibration | None
-    """Self-calibration of an earlier run."""
+    """Result of self-calibration from an earlier run."""
     pipeline: Pipeline
     signing: SigningStore
     node: Node

@@ -1,4 +1,4 @@
-"""SHELL: the optional parts of the daemon, made from the configuration; None where it does not ask for one."""
+"""SHELL: makes the optional parts of the daemon from the configuration; None for a part that is not configured."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
-    """Where Cursor on Target goes."""
+    """Link for Cursor on Target."""
     url = config.cot_url
     return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
 
@@ -52,7 +52,7 @@ def make_vision(
     on_state: Callable[[bool, str], None],
     desk: VisionDesk,
 ) -> VisionProcess | None:
-    """Vision process for a camera of our own. ``image_size``: of the calibration."""
+    """Vision process for the service's own camera. ``image_size``: that of the calibration."""
     task = make_vision_task(config)
     if task is None:
         return None
@@ -61,11 +61,11 @@ def make_vision(
 
 
 def make_vision_task(config: Config) -> VisionTask | None:
-    """Task of the vision process; None without [vision]. UserError where this machine cannot do it."""
+    """Task of the vision process; None without [vision]. UserError if this machine cannot do it."""
     vision = config.vision
     if vision is None:
         return None
-    if not vision.python:  # another interpreter has libraries of its own, and its process reports those that it lacks
+    if not vision.python:  # another interpreter has its own libraries, and its process reports missing ones
         require(f"{config.file}: [vision]", *modules_of(vision))
     model = _model(config, vision)
     python = _interpreter(config, vision.python) if vision.python else ""
@@ -103,7 +103,7 @@ def _interpreter(config: Config, python: str) -> str:
 def make_recorder(
     config: Config, extra_files: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
 ) -> Recorder | None:
-    """What is kept of the flight. ``extra_files``: files that lie with it, by name."""
+    """Recorder of the flight. ``extra_files``: files that are kept with the recording, by name."""
     plan = recording_plan(config, extra_files)
     if plan is None:
         return None
@@ -124,7 +124,7 @@ def make_fleet(
     warn: Callable[[str], None],
     on_notice: Callable[[Notice], None],
 ) -> FleetSharing | None:
-    """What is shared with other vehicles. Only this loads zenoh."""
+    """Sharing with other vehicles. Only this function loads zenoh."""
     if config.fleet is None:
         return None
     require(f"{config.file}: [fleet]", "zenoh")
@@ -134,5 +134,5 @@ def make_fleet(
 
 
 def _ignore_bytes(_link: str, _data: bytes) -> bool:
-    """Ignore what a map server sends."""
+    """Ignore bytes from a map server."""
     return False

@@ -1,8 +1,8 @@
-"""SHELL: the signing timestamp, kept across restarts: receivers reject one that goes back.
+"""SHELL: keeps the signing timestamp across restarts, because receivers reject a timestamp that goes back.
 
-The file holds a reservation: a timestamp below which this run stays. It is extended before it is reached, first by a
-tenth of a second, then by an eighth of the time since the start, and at most by a minute: so a service that crashes
-again and again runs ahead of the time by less than the time that it ran. A clean stop stores what was used.
+The file has a reservation: this run uses only timestamps below it. It is extended before it is reached, first by a
+tenth of a second, then by an eighth of the time since the start, and at most by a minute. So the timestamps of a
+service that crashes again and again are ahead by less than its running time. A clean stop stores the last used one.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ NAME = "signing.json"
 NOT_KEPT = "the signing time is not kept: set [state] directory or $STATE_DIRECTORY"
 LEAST_RESERVED_S = 0.1
 MOST_RESERVED_S = 60.0
-"""The MAVLink guide asks for a write once a minute."""
+"""Longest reservation, seconds: the MAVLink guide asks for a write once a minute."""
 RESERVED_SHARE = 1.0 / 8.0
 FRAMES = 10_000
-"""Timestamps for the frames of a second beyond the limit of time: each takes one."""
+"""Timestamps that are reserved in addition for the frames of a second: each takes one."""
 AHEAD_S = 60.0
-"""Seconds ahead of UTC from which peers that sign by the clock are refused as too old (MAVLink guide)."""
+"""Lead over UTC, seconds, from which peers that sign by the clock are refused as too old (MAVLink guide)."""
 PLAUSIBLE_UNIX_US = 1_577_836_800_000_000
-"""2020: a receiver without time reports 1970 or 1980."""
+"""Least plausible time, the year 2020: a receiver without time reports 1970 or 1980."""
 UTC_TICKS = 10
-"""Interval at which the wall clock is asked whether it is synchronised, in seconds."""
+"""Interval of the checks whether the wall clock is synchronised, in seconds."""
 
 
 class SigningStore:
-    """Reads the timestamp at the start and extends the reservation, where there is a state directory."""
+    """Reads the timestamp at the start and extends the reservation, if there is a state directory."""
 
     def __init__(self, config: Config, on_failure: Callable[[str], None], is_synchronised: Callable[[], bool]) -> None:
         """``is_synchronised``: whether the wall clock is."""
@@ -60,7 +60,7 @@ class SigningStore:
         return starting_timestamp(self._kept(), unix_ns, synchronised=self._is_synchronised())
 
     def start(self) -> None:
-        """Start the writer; warn where there is no directory for it."""
+        """Start the writer; warn if there is no directory for it."""
         if self._warning:
             self._on_failure(self._warning)
         if self._file is not None:
@@ -95,7 +95,7 @@ class SigningStore:
             self._clock.follow(unix_us * 1000, now)
 
     def close(self, timeout_s: float) -> None:
-        """Store what was used, and stop the writer."""
+        """Store the last used timestamp, and stop the writer."""
         if self._file is not None:
             if self._clock is not None:
                 self._file.write(msgspec.json.encode(self._clock.timestamp))

@@ -19,7 +19,7 @@ from fwav_companion.vision.supervisor import VisionProcess
 
 MAX_STATUS_BYTES = 65536
 MAX_LISTED_MESSAGES = 32
-"""Thinned messages of a link in a status that would be too long."""
+"""Most thinned messages of a link that are listed in a status that would be too long."""
 
 
 class StatusReport:
@@ -58,7 +58,7 @@ class StatusReport:
 
 
 def encoded(status: RunStatus) -> bytes:
-    """Return the status as JSON of at most MAX_STATUS_BYTES: peers are left out, and counted, where it is longer."""
+    """Return the status as JSON of at most MAX_STATUS_BYTES: if it is longer, peers are left out and counted."""
     data = msgspec.json.encode(status)
     if len(data) <= MAX_STATUS_BYTES:
         return data
@@ -72,10 +72,10 @@ def _shortened(link: LinkStatistics) -> LinkStatistics:
 
 
 class SystemdNotifier:
-    """Messages of a Type=notify service over systemd's datagram socket; none elsewhere. Never blocks, never raises."""
+    """Messages of a Type=notify service over systemd's datagram socket, if there is one. Never blocks, never raises."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        """``environment``: with $NOTIFY_SOCKET as systemd sets it."""
+        """``environment``: with $NOTIFY_SOCKET if systemd sets it."""
         path = environment.get("NOTIFY_SOCKET", "")
         self._address = f"\0{path[1:]}" if path.startswith("@") else path
         self._socket: socket.socket | None = None

@@ -1,7 +1,7 @@
-"""SHELL: a daemon ends with exit status 0 on SIGTERM, SIGINT and SIGHUP, from its first moment to its last.
+"""SHELL: makes the daemon end with exit status 0 on SIGTERM, SIGINT and SIGHUP at any time.
 
-Before the service runs nothing is open that needs closing: the process ends at once. :func:`end_at_once` is called
-before any other module is imported, so this one imports only ``os`` and ``signal``; annotations need no import.
+Before the service runs, there is nothing to close: the process ends at once. :func:`end_at_once` is called before any
+other module is imported, so this one imports only ``os`` and ``signal``; annotations need no import.
 """
 
 import os
@@ -18,8 +18,8 @@ def end_at_once() -> None:
 def end_by(loop: "AbstractEventLoop", stop: "Callable[[], object]") -> None:
     """Make these signals call ``stop`` in the event loop.
 
-    The handlers remain when the loop is closed, unlike those of ``loop.add_signal_handler``: a signal that comes while
-    the interpreter ends does not change the exit status.
+    The handlers remain when the loop is closed, unlike those of ``loop.add_signal_handler``: a signal that arrives
+    while the interpreter ends does not change the exit status.
     """
     _handle(lambda _number, _frame: None if loop.is_closed() else loop.call_soon_threadsafe(stop))
 

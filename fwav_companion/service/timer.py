@@ -1,7 +1,7 @@
 """SHELL: the daemon's time: its clock of whole microseconds, and the timer that wakes the pipeline.
 
-A wake costs more than most of the work done in it. While telemetry flows, the next message is near, and its handler
-does what is due before its own work: the timer is then a safety net for the case that all messages stop at once.
+A wake-up costs more than most of the work done in it. While telemetry flows, the next message arrives soon, and its
+handler first does the work that is due: the timer is then a safety net for the case that all messages stop at once.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from fwav_companion.vision.frame_receiver import read_clocks
 from fwav_companion.vision.wall_clock import WallClock
 
 BUSY_NS = 20 * NS_PER_MS
-"""Messages more frequent than this do all that is due: no message of ours has a shorter interval."""
+"""Interval of messages below which their handlers do all due work: no message of the service has a shorter one."""
 STEADY_NS = 100 * NS_PER_MS
-"""Messages must have come this long without a longer pause: autopilots send bursts, and a gap follows each."""
+"""Time for which messages must have arrived without a longer pause: autopilots send bursts with gaps in between."""
 NET_NS = 200 * NS_PER_MS
-"""Largest delay of what is due when a busy flow stops at once; until then the timer rings five times a second."""
+"""Largest delay of due work when a busy flow stops at once; during the flow the timer rings five times a second."""
 
 
 class HostClock:
@@ -52,10 +52,10 @@ class HostClock:
 
 
 class PipelineTimer:
-    """One timer. It is set again only where it would ring too late: a needless ring is cheaper than setting it."""
+    """One timer. It is set again only if it would ring too late: a needless ring is cheaper than setting it."""
 
     def __init__(self, on_ring: Callable[[], None], call_at: Callable[[float, Callable[[], None]], Any] | None = None):
-        """``call_at``: of an event loop, by default the running one; in seconds of its clock, the host's."""
+        """``call_at``: method of an event loop, by default the running one, in seconds of the host clock."""
         self._on_ring = on_ring
         self._call_at = call_at
         self._timer: asyncio.TimerHandle | None = None
@@ -64,13 +64,13 @@ class PipelineTimer:
         self._busy = False
 
     def heard(self, now: HostNs) -> None:
-        """Note an event whose handler does what is due."""
+        """Note an event whose handler does the due work."""
         if now - self._heard_ns >= BUSY_NS:
             self._began_ns = now
         self._busy, self._heard_ns = now - self._began_ns >= STEADY_NS, now
 
     def arm(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> None:
-        """Ring by these instants. ``due``: the next event would do it as well; ``strict``: only the timer does it."""
+        """Ring by these instants. ``due``: of work that the next event would also do; ``strict``: of the timer's own."""
         rings_ns = self._ring_ns(now, due, strict)
         if rings_ns is None or (self._rings_ns is not None and self._rings_ns <= rings_ns):
             return
@@ -80,7 +80,7 @@ class PipelineTimer:
         self._timer, self._rings_ns = call_at(rings_ns / NS_PER_S, self._ring), rings_ns
 
     def is_early(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> bool:
-        """Whether a ring came for work that is done already, or that the next event will do."""
+        """Whether the timer rang for work that is already done, or that the next event will do."""
         self._busy = self._busy and now - self._heard_ns < BUSY_NS
         rings_ns = self._ring_ns(now, due, strict)
         return rings_ns is not None and rings_ns > now

@@ -1,4 +1,4 @@
-"""The protocol of an observer of a running service, as ``check --shake`` has one."""
+"""The protocol of an observer of a running service, for example that of ``check --shake``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class Witness(Protocol):
     """Observer of a running service."""
 
     def on_frame(self, frame: Frame | NoFrame) -> None:
-        """Take a frame that arrived."""
+        """Called with each frame that arrived."""
 
     def on_message(self, message: Message) -> None:
-        """Take a message that arrived."""
+        """Called with each message that arrived."""
 
     def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
         """Whether the service may stop; called a few times a second with the status and the vehicle."""
