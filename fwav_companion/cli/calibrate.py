@@ -56,7 +56,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """The exit status: 0 good or usable, 1 poor or no lens. UserError: the arguments or the pictures are wrong."""
+    """Calibrate; exit status 0: good or usable, 1: poor or no lens. UserError: wrong arguments or pictures."""
     with as_by_ctrl_c():
         return _calibrated(arguments)
 

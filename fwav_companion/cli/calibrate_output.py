@@ -53,7 +53,7 @@ def show_pictures(names: Sequence[str], search: BoardSearch, result: FittedLens 
 
 
 def report_failure(failure: FailedFit, search: BoardSearch, rows: Sequence[PictureRow], *, as_json: bool) -> int:
-    """Exit status 1 where no lens fits. UserError, one line, where the pictures show too little."""
+    """Report a failed fit; exit status 1 if no lens fits. UserError, one line, if the pictures show too little."""
     reasons = f"; board not found: {search.reasons}" if search.reasons else ""
     why = f"{failure.why.value}: {failure.detail}{reasons}"
     if as_json:

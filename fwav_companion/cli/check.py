@@ -1,4 +1,4 @@
-"""``fwav-companion check``: what every link and stream delivers, what is wrong, and what to change."""
+"""``fwav-companion check``: reports what every link and stream delivers, what is wrong, and what to change."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fwav_companion.types.status import RunStatus
 
 SECONDS = 12.0
-"""Four until the autopilot is adopted, two to settle the clock, the rest to measure the rates that are requested."""
+"""Seconds of listening: four until the autopilot is adopted, two to settle the clock, the rest to measure rates."""
 EXIT_ERROR = 1
 
 

@@ -1,4 +1,4 @@
-"""``fwav-companion check --click-delay``: the delay of the operator's video, by clicks on what blinks."""
+"""``fwav-companion check --click-delay``: the delay of the operator's video, by clicks on a blinking object."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EXIT_UNUSABLE = 1
 
 
 def run_click_delay(config: Config, wait_s: float, *, as_json: bool) -> int:
-    """Instruct the operator, print the delay and the lines to paste; the exit status."""
+    """Instruct the operator, print the delay and the lines to paste, and return the exit status."""
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration
     from fwav_companion.tools.doctor.click_delay import NoClickDelay

@@ -1,4 +1,4 @@
-"""``fwav-companion demo``: the main job with nothing attached."""
+"""``fwav-companion demo``: demonstrates the main function without any hardware."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 SECONDS = (3.0, 3600.0)
 FLEETS = (2, 6)
-"""Vehicles of --fleet: each is two processes of this machine."""
+"""Limits of the number of vehicles of --fleet: each takes two processes of this machine."""
 SHORTEST_CLICK_S = 12.0
-"""Adoption, a settled clock, a click and some seconds of pictures after it."""
+"""Shortest flight with a click, seconds: adoption, a settled clock, a click and some seconds of pictures after it."""
 SCENARIOS = ("demo", "demo_blur")
 
 
@@ -67,7 +67,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit status 0: every target found, each within its claimed 99.9 % radius; 1: not."""
+    """Run the demonstration; exit status 0: every target found, within its claimed 99.9 % radius; 1: otherwise."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
     if arguments.click and arguments.fleet:
@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _fly_fleet(arguments: argparse.Namespace) -> int:
-    """Exit status 0: every target fused once, within its claimed 99.9 %; 1: not."""
+    """Fly a fleet; exit status 0: every target fused once, within its claimed 99.9 %; 1: otherwise."""
     if not FLEETS[0] <= arguments.fleet <= FLEETS[1]:
         raise UserError(f"--fleet {arguments.fleet}: accepted: {FLEETS[0]} to {FLEETS[1]}")
     require("demo --fleet", "numpy", "aiohttp", "zenoh", "sitl_mock")
@@ -124,7 +124,7 @@ def _fly_fleet(arguments: argparse.Namespace) -> int:
 
 
 def _fly_with_click(arguments: argparse.Namespace) -> int:
-    """Exit status 0: the clicked spot was followed, and nothing else; 1: not."""
+    """Fly with a click; exit status 0: the clicked spot, and no other, was followed; 1: otherwise."""
     if arguments.seconds < SHORTEST_CLICK_S:
         raise UserError(f"--click --seconds {arguments.seconds:g}: accepted: {SHORTEST_CLICK_S:g} to {SECONDS[1]:g}")
     require("demo --click", "numpy", "cv2", "sitl_mock")

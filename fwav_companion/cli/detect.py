@@ -1,4 +1,4 @@
-"""``fwav-companion detect``: the configured detector over recorded pictures."""
+"""``fwav-companion detect``: runs the configured detector over recorded pictures."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Detect in every picture; 0. UserError: the pictures, their times or the configuration are wrong."""
+    """Detect in every picture; returns 0. UserError: the pictures, their times or the configuration are wrong."""
     with as_by_ctrl_c():
         return _detected(arguments)
 
@@ -84,7 +84,7 @@ def _detected(arguments: argparse.Namespace) -> int:
 
 
 def _has_own_times(path: Path) -> bool:
-    """Whether no EXIF is needed: a folder with stamps, or a video."""
+    """Whether the path has times without EXIF: a folder with stamps, or a video."""
     from fwav_companion.tools.detect.recorded_pictures import SUFFIXES, folder_of
     from fwav_companion.vision.sources.folder import STAMPS_FILE
 

@@ -1,4 +1,4 @@
-"""The inputs of ``ground`` by its arguments, and what `check` says of a status."""
+"""The inputs of ``ground`` by its arguments, and the findings of `check` for a status."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SPEEDS = (1.0, 20.0)
 def make_inputs(
     arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]
 ) -> tuple[list[PictureInput], Callable[[], float]]:
-    """The inputs, and the clock of the picture: this process's, or that of the recording that is replayed."""
+    """The inputs, and the clock of the picture: that of this process, or of the replayed recording."""
     if arguments.replay is not None:
         return _replayed(arguments, picture)
     inputs: list[PictureInput] = []
@@ -102,7 +102,7 @@ def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[li
 
 
 def _judge(where: str, config_file: str | None) -> Callable[[RunStatus], tuple[str, ...]]:
-    """What `check` says: on this board by its files too; of a service elsewhere by its status and a configuration."""
+    """Function for the findings: on this board also by its files, elsewhere by the status and a configuration."""
     is_elsewhere = where.startswith(("http://", "https://"))
     if config_file is not None:
         from fwav_companion.config import load
@@ -114,7 +114,7 @@ def _judge(where: str, config_file: str | None) -> Callable[[RunStatus], tuple[s
 
 
 def judged(status: RunStatus) -> tuple[str, ...]:
-    """What `check` says of the service on this board; one line where its configuration cannot be read here."""
+    """Findings of `check` for the service on this board; one line if its configuration cannot be read here."""
     from fwav_companion.config import load
 
     try:
@@ -124,7 +124,7 @@ def judged(status: RunStatus) -> tuple[str, ...]:
 
 
 def judged_here(config: Config, status: RunStatus) -> tuple[str, ...]:
-    """What `check` says of the service on this board."""
+    """Findings of `check` for the service on this board."""
     from fwav_companion.tools.doctor.board import Probe
     from fwav_companion.tools.doctor.evidence import Evidence
     from fwav_companion.tools.doctor.examination import examine
@@ -137,7 +137,7 @@ def judged_here(config: Config, status: RunStatus) -> tuple[str, ...]:
 
 
 def judged_elsewhere(config: Config, status: RunStatus) -> tuple[str, ...]:
-    """What `check` says of a service on another machine: by its status alone."""
+    """Findings of `check` for a service on another machine, by its status alone."""
     from fwav_companion.tools.doctor.evidence import Board, Evidence
     from fwav_companion.tools.doctor.examination import examine
     from fwav_companion.tools.doctor.gathering import load_files

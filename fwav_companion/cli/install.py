@@ -1,4 +1,4 @@
-"""``fwav-companion install``: the service on this board, in one command that says each step."""
+"""``fwav-companion install``: installs the service on this board, in one command that prints each step."""
 
 from __future__ import annotations
 

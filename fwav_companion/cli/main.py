@@ -29,7 +29,7 @@ EXIT_PIPE_CLOSED = 141
 
 
 class CommandModule(NamedTuple):
-    """A row of the table. A module is imported only for its own command, so ``run`` does not load those of others."""
+    """One command. A module is imported only for its own command, so that ``run`` does not load the other modules."""
 
     name: str
     help: str
@@ -57,14 +57,15 @@ COMMANDS = (
 
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Read by numpy when it is imported. Matrices of 30 rows lose by threads, and the vision process waits for them."""
+"""Environment variables that numpy reads when it is imported. Threads slow down matrices of 30 rows, and the vision
+process would wait for these threads."""
 
 
 class OneLineParser(argparse.ArgumentParser):
     """Reports wrong arguments in one line, like every other user error."""
 
     def error(self, message: str) -> NoReturn:
-        """UserError instead of a usage text and an exit."""
+        """Raise a UserError instead of printing a usage text and exiting."""
         raise UserError(f"{message} (see {self.prog} --help)")
 
 

@@ -30,7 +30,7 @@ def steps(name: str, total: int) -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def replays(recording: Recording | Photographs) -> Iterator[Watched]:
-    """A context that yields a function from a replay's name and lines to the same lines, with a bar by their time."""
+    """A context that yields a function of a replay's name and lines: it yields the lines and shows a bar by time."""
     from fwav_companion.replay import Photographs
 
     if not sys.stderr.isatty() or isinstance(recording, Photographs) or not recording.messages:

@@ -152,7 +152,7 @@ def _report_writer() -> ReportWriter:
 
 
 def _title(telemetry: Path) -> str:
-    """A name of the flight: the folder of our own recordings, else the file."""
+    """A name of the flight: the folder of a recording of this package, else the file."""
     from fwav_companion.recording.folder import TELEMETRY
 
     return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem

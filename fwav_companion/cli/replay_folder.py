@@ -1,4 +1,4 @@
-"""The inputs of a replay that a recording's folder holds."""
+"""Finds the inputs of a replay in a recording's folder."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fwav_companion.service.configured_files import recorded_configuration
 
 
 def take_from_folder(arguments: argparse.Namespace) -> None:
-    """Set telemetry, detections, configuration and camera file to those in the folder. `--config` overrides its own.
+    """Set telemetry, detections, configuration and camera file to the folder's. `--config` overrides the configuration.
 
-    UserError where another option names the same, InputFileError where the folder does not hold them.
+    UserError if another option names one of these inputs, InputFileError if the folder does not have them.
     """
     folder = Path(arguments.folder)
     for option in ("telemetry", "poses", "detections"):

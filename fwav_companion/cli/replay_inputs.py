@@ -91,7 +91,7 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
-    """The inputs that the command line names. ConfigError or InputFileError for the first that is wrong."""
+    """The inputs that the command line names. ConfigError or InputFileError for the first wrong one."""
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
     _spare_what_is_read(arguments, config)
@@ -177,7 +177,7 @@ def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
 
 
 def _tell_damage(arguments: argparse.Namespace, recording: Recording | Photographs) -> None:
-    """Report what was skipped, with offsets; several parts are counted as one file."""
+    """Report the skipped damage with its offsets; several parts are counted as one file."""
     telemetry = arguments.poses or " + ".join(arguments.telemetry)
     detections = " + ".join(arguments.detections)
     if not recording.frames:

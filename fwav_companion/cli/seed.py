@@ -9,7 +9,7 @@ MOST_DIGITS = 18
 
 
 def seed(text: str) -> int:
-    """A whole number from 0."""
+    """A whole number of at least 0."""
     if not (text.isascii() and text.isdecimal() and len(text) <= MOST_DIGITS):
         raise argparse.ArgumentTypeError(f"{text}: accepted: a whole number from 0, of at most {MOST_DIGITS} digits")
     return int(text)

@@ -23,7 +23,7 @@ EXIT_UNUSABLE = 1
 
 
 def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
-    """Instruct the user, record the session, print the estimate; the exit status."""
+    """Instruct the user, record the session, print the estimate, and return the exit status."""
     require("check --shake", "numpy", "scipy", "cv2")
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration

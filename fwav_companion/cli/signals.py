@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
-"""From a service manager, and from a terminal that closes."""
+"""Signals of a service manager, and of a terminal that closes."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""``fwav-companion study``: many flights, drawn or recorded: how accurate, what limits it, and what to change first."""
+"""``fwav-companion study``: accuracy over many flights, drawn or recorded, its limits, and what to change first."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the study; the exit status."""
+    """Run the study and return the exit status."""
     require("study", "numpy", "scipy", "pyarrow", "distributed")
     with as_by_ctrl_c():
         if arguments.report_only:

@@ -1,4 +1,4 @@
-"""What a study shows: progress while it runs, then the answer, and the report."""
+"""Output of a study: progress while it runs, then the answer, and the report."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class ShownProgress:
 
 
 def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
-    """Print the answer and write the report; 1 where the study ended early."""
+    """Print the answer and write the report; returns 1 if the study ended early."""
     plan, records = finished.plan, finished.records
     if finished.trouble:
         print(f"study: {finished.trouble}; {_kept(finished)}", file=sys.stderr)

@@ -16,7 +16,7 @@ from fwav_companion.tools.study.study_plan import StudyPlan, radial_lens
 
 PATTERN: Final = "eight"
 SECONDS: Final = 60.0
-"""A flight where the command line does not say."""
+"""Duration of a flight, unless the command line gives one."""
 
 
 def plan_from(arguments: argparse.Namespace) -> StudyPlan:
@@ -36,7 +36,7 @@ def plan_from(arguments: argparse.Namespace) -> StudyPlan:
 
 
 def _require_nothing_of_a_flight(arguments: argparse.Namespace) -> None:
-    """UserError where the command line has an option that the preset decides."""
+    """Raise a UserError if the command line has an option that the preset decides."""
     chosen = {
         "--config": arguments.config is not None,
         "--pattern": arguments.pattern is not None,

@@ -1,4 +1,4 @@
-"""``study --recordings DIR``: every recorded flight as recorded and under each --set, paired."""
+"""``study --recordings DIR``: compares every recorded flight as recorded and under each --set, in pairs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fwav_companion.tools.study.settings_answer import lines, sentence, setting_
 
 
 def compare_settings(arguments: argparse.Namespace) -> int:
-    """Replay, compare, print and write the report; the exit status."""
+    """Replay, compare, print and write the report; returns the exit status."""
     settings = tuple(tuple(map(_setting, group)) for group in arguments.set)
     if not settings:
         raise UserError("study --recordings: no setting to compare; accepted: one --set KEY=VALUE or more")
@@ -42,7 +42,7 @@ def compare_settings(arguments: argparse.Namespace) -> int:
 def _replayed(
     flying: Workers, tasks: list[tuple[str, int]], state: tuple[object, ...], progress: ShownProgress
 ) -> list[SettingRecord]:
-    """The records of all tasks; after Ctrl-C of those that were finished."""
+    """The records of all tasks; after Ctrl-C, of the finished tasks."""
     records: list[SettingRecord] = []
     progress.total(len(tasks))
     try:
@@ -73,7 +73,7 @@ def _answer(arguments: argparse.Namespace, records: list[SettingRecord], names: 
 
 
 def _setting(text: str) -> str:
-    """A --set of a replay. UserError where the key is none, or belongs to a simulated flight."""
+    """A --set of a replay. UserError if the key does not exist, or belongs to a simulated flight."""
     key, value = parse_setting(text)
     if key.startswith((FLIGHT, TRUTH, CLAIM)):
         raise UserError(f"--set: {key}: of a simulated flight; accepted with --recordings: a key of the configuration")

@@ -58,7 +58,7 @@ def fly_alone(plan: StudyPlan, chosen: str, out: Path) -> int:
 
 
 def camera_name(config: Config) -> str:
-    """Name of the camera file in the folder: where the configuration's own copy would lie."""
+    """Name of the camera file in the folder, as for the configuration's own copy."""
     return config.calibration_path.name
 
 

@@ -1,1 +1,1 @@
-"""What ``init`` writes."""
+"""The files that ``init`` writes."""
