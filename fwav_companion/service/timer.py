@@ -70,7 +70,7 @@ class PipelineTimer:
         self._busy, self._heard_ns = now - self._began_ns >= STEADY_NS, now
 
     def arm(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> None:
-        """Ring by these instants. ``due``: of work that the next event would also do; ``strict``: of the timer's own."""
+        """Ring by these instants. ``due``: of work that the next event would do; ``strict``: of the timer's own."""
         rings_ns = self._ring_ns(now, due, strict)
         if rings_ns is None or (self._rings_ns is not None and self._rings_ns <= rings_ns):
             return
