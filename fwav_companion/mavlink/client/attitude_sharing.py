@@ -30,7 +30,7 @@ class AttitudeSharing:
             streams[QUATERNION].hold_back()
 
     def fall_back(self, streams: Mapping[str, RateStream]) -> None:
-        """Use plain ATTITUDE alone: only groups of messages can be requested, and one of them contains it."""
+        """Use plain ATTITUDE alone, because only groups of messages can be requested, and one of them contains it."""
         if PLAIN in streams and QUATERNION in streams:
             streams[QUATERNION].hold_back()
 

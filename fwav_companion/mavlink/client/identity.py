@@ -42,16 +42,16 @@ class _Other(msgspec.Struct):
 
 
 class Identity:
-    """Adopts one autopilot, follows its heartbeats, and times ours. Its heartbeats come from autopilot links alone.
+    """Adopts one autopilot, follows its heartbeats, and times ours. It reads heartbeats of autopilot links alone.
 
-    With ``configured_system`` 0 it listens for three seconds from the first autopilot, and adopts that one if no other
-    was heard. If several were heard it adopts none of them: a vehicle that is silent for a moment must not make the
-    other one ours. With a configured system it adopts that system's autopilot at once.
+    With ``configured_system`` 0 it listens for three seconds after it first hears an autopilot, and adopts that one if
+    no other was heard. If several were heard, it adopts none of them: a moment of silence of our vehicle must not lead
+    to the adoption of another one. With a configured system it adopts that system's autopilot at once.
 
-    Another autopilot replaces the adopted one only without a configured system, once the adopted one was disarmed when
-    last heard and has been silent for SUCCESSION_NS, if it is the only one that is heard on that link, and was never
-    heard with ours. Autopilots copy the heartbeats of their neighbours to all their links, and go on when ours has
-    lost its power for a moment: a vehicle that was heard before a heartbeat of ours is a neighbour.
+    Another autopilot replaces the adopted one only without a configured system, if the adopted one was disarmed when
+    last heard and has been silent for SUCCESSION_NS, and if the other one is the only one heard on that link and was
+    never heard together with ours. Autopilots copy the heartbeats of their neighbours to all their links, and continue
+    while ours has lost its power for a moment: a vehicle that was heard before a heartbeat of ours is a neighbour.
     """
 
     def __init__(self, configured_system: int, companion_component: int = 191, camera_component: int | None = 100):
@@ -66,15 +66,15 @@ class Identity:
         self._heard_ns: HostNs | None = None
         self._lost = False
         self._others: dict[int, _Other] = {}
-        """By system, at most 254."""
+        """Other vehicles' autopilots by system id, at most 254."""
         self._neighbours: set[int] = set()
-        """Other systems that were heard, with ours or before an adoption: never ours."""
+        """Other systems that were heard with ours or before an adoption; they are never adopted."""
         self.autopilot: Autopilot | None = None
         """Adopted autopilot with its newest mode and link; kept while it is lost."""
 
     @property
     def system(self) -> int:
-        """System id that we send with."""
+        """System id of our messages."""
         if self.autopilot is not None:
             return self.autopilot.system
         return self._configured_system or UNASSIGNED_SYSTEM
@@ -127,7 +127,7 @@ class Identity:
         return min(due, default=None)
 
     def on_message(self, message: Message, now: HostNs) -> tuple[IdentityEvent, ...]:
-        """Take a HEARTBEAT; every other message is ignored."""
+        """Process a HEARTBEAT; every other message is ignored."""
         if message.name != "HEARTBEAT":
             return ()
         events = self.on_wake(now)

@@ -1,9 +1,10 @@
 """Finds the rates at which the autopilot sends, by itself, the messages that this service requests.
 
-Before its first request a message is stopped, set to its default, and its interval read. Otherwise a request of an
-earlier run of this service would be taken for the autopilot's own rate. The stop is for messages without a default:
-ArduPilot refuses to reset these (GCS_Common.cpp, set_message_interval), ATTITUDE_QUATERNION among them. ArduPilot's
-default is the rate of the message's group, as set last by SRn_* or a station's REQUEST_DATA_STREAM.
+Before the first request for a message, this module stops the message, sets it to its default, and reads its interval.
+Otherwise a request of an earlier run of this service would be mistaken for the autopilot's own rate. The stop is for
+messages without a default: ArduPilot refuses to reset these (GCS_Common.cpp, set_message_interval),
+ATTITUDE_QUATERNION among them. ArduPilot's default is the rate of the message's group, as last set by SRn_* or by a
+station's REQUEST_DATA_STREAM.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class OwnRates:
         )
 
     def on_group(self, rates: Mapping[int, float | None]) -> None:
-        """Take a station's request by group: its rates are the new defaults of the group's messages in ArduPilot.
+        """Process a station's request by group: its rates are the new defaults of the group's messages in ArduPilot.
 
         A higher rate counts as the station's alone, so that it is forgotten with the station.
         """

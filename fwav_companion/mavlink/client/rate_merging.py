@@ -1,4 +1,4 @@
-"""Lists the requests that must follow a station's request for rates, so that it lowers no other requested rate."""
+"""Lists our requests that must follow a station's request for rates, so that it does not lower a requested rate."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FollowUp(msgspec.Struct, frozen=True):
 def follow_up(
     request: RateRequest, ours_hz: Mapping[int, float], demanded_hz: Mapping[int, float], *, heeds_groups: bool
 ) -> FollowUp:
-    """Return the rates that are higher than what the request leaves, for every message that it names.
+    """Return the rates that are higher than those left by the request, for every message that it names.
 
     ``ours_hz``: rates of this service; ``demanded_hz``: the highest rates of all stations, with this request.
     ``heeds_groups``: the autopilot acts on REQUEST_DATA_STREAM. If it does not, a request by group leaves our messages
@@ -46,8 +46,8 @@ def follow_up(
 
 
 def _whole_groups(left_hz: Mapping[int, float], demanded_hz: Mapping[int, float]) -> dict[int, float]:
-    """Return the groups to request as a whole: all their messages are demanded at one rate, above what the request
-    leaves.
+    """Return the groups to request as a whole: all their messages are demanded at one rate, above that left by the
+    request.
 
     This is the case where another station requested by group too.
     """

@@ -106,7 +106,7 @@ class RateRequests:
             self._lowered.add(name)
 
     def rate_kept_hz(self, stream: RateStream) -> float:
-        """Return the rate that the autopilot must keep whatever stations request: ours, or its own if higher.
+        """Return the rate that the autopilot must keep despite stations' requests: ours, or its own if higher.
 
         For attitude it is ours: plain ATTITUDE is requested slowly on purpose while the quaternion arrives. inf: the
         autopilot's default, whose interval is not reported.

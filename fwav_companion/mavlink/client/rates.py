@@ -2,7 +2,7 @@
 
 An acknowledgement is not proof (PX4 acknowledged 50 Hz and sent 18): the measured rate counts. A rate is requested
 again after a reboot, when it falls, and at once when a station's rate request passed over our link. If the link of that
-request merges requests, ours follows in the same write, and only where it is higher.
+request merges requests, ours follows in the same write, and only if it is higher.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Rates:
         self._begin(now)
 
     def on_message(self, message: Message, now: HostNs) -> None:
-        """Count arrivals from our autopilot; take its acknowledgements, intervals and parameters."""
+        """Count arrivals from our autopilot; process its acknowledgements, intervals and parameters."""
         if not self._is_from_autopilot(message):
             if self._autopilot is not None:
                 self._competitors.on_message(message, self._autopilot, now)
@@ -137,7 +137,7 @@ class Rates:
         self.wake_at = self._next_due()
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
-        """Take the highest rate, hertz by message id, that stations on merging links want: ours never lower it."""
+        """Set the highest rates, hertz by message id, that stations on merging links want: ours never lower them."""
         self._requests.demanded = demanded
 
     def on_merged_requests(

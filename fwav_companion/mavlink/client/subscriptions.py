@@ -33,8 +33,8 @@ DATA_STREAMS = {
 ONLY_ARDUPILOT = frozenset({"EKF_STATUS_REPORT"})
 """Messages that PX4 does not have."""
 ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS"})
-"""ArduPilot never sends ALTITUDE, and reports a request for it as an error; LOCAL_POSITION_NED serves only PX4's
-landing profile; of its filter EKF_STATUS_REPORT reports."""
+"""Messages that are requested from PX4 alone. ArduPilot never sends ALTITUDE, and reports a request for it as an error;
+LOCAL_POSITION_NED serves only PX4's landing profile; ArduPilot's filter reports by EKF_STATUS_REPORT."""
 
 
 def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, float]:

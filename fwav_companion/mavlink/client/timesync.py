@@ -1,8 +1,8 @@
 """Exchanges TIMESYNC (111): our requests, whose answers measure the autopilot's clock, and our answers to requests.
 
 A request carries our clock in ts1 and tc1 = 0; its answer mirrors ts1 and carries the responder's clock in tc1, both in
-nanoseconds. Exchanges of other components pass on the same links, so an answer counts only if its ts1 is one we sent
-and it came from our autopilot. PX4, in turn, takes any answer as meant for it: we answer only our autopilot, and
+nanoseconds. Exchanges of other components pass on the same links, so an answer counts only if we sent its ts1 and it
+came from our autopilot. PX4, in turn, accepts any answer as an answer to itself: we answer only our autopilot, and
 requests that name us.
 """
 
@@ -25,7 +25,7 @@ SETTLING_NS = 20 * NS_PER_S
 DOUBT_NS = 2 * NS_PER_S
 FASTEST_NS = 500 * NS_PER_MS
 SLOWEST_NS = 2 * NS_PER_S
-"""Longest interval after settling. It is between two requests a second and one in two seconds, as the bound needs."""
+"""Longest interval after settling. The interval is 0.5 to 2 s, depending on the growth of the bound."""
 DRIFT = 600e-6
 """Largest skew of two clocks: the bound grows by it between exchanges."""
 GROWTH_SHARE = 0.25
@@ -141,7 +141,7 @@ class Timesync:
         self._requests += 1
 
     def on_message(self, message: Message, now: HostNs) -> TimesyncResult:
-        """Take an answer or a request that arrived at ``now``."""
+        """Process an answer or a request that arrived at ``now``."""
         if self._autopilot is None:
             return self._ignore(NotTaken.NO_AUTOPILOT)
         return self._on_request(message, now) if message.fields.tc1 == 0 else self._on_answer(message, now)

@@ -2,8 +2,8 @@
 
 ``node`` is the entry. The bytes of a link pass through its scanner (``wire``). Each frame updates the table of the link
 on which its sender is heard (``peers``), copies from a second link are dropped (``duplicates``), and ``routing`` gives
-the links that the frame goes to; frames are forwarded byte for byte. The result is kept per sender and message until a
-table changes, so that most frames cost a few look-ups. A frame that a slow link cannot take is thinned or queued.
+the destination links; frames are forwarded byte for byte. The result is kept per sender and message until a table
+changes, so that most frames cost a few look-ups. A frame that a slow link cannot carry is thinned or queued.
 
 Limits. ``link_limiter`` decides on each frame by message rates (``rate_limiter``), a token bucket with the radio's
 feedback (``byte_budget``), a fair common rate (``link_load``), a queue for transfers (``held_transfers``), and a list

@@ -1,9 +1,9 @@
-"""Decides what a link may say: in which sender's name, and what of it is read as the vehicle's state.
+"""Decides which senders are accepted on a link, and which of its messages are read as the vehicle's state.
 
-- Only an autopilot's link speaks as the autopilot. Elsewhere a frame with its ids goes nowhere and teaches no route: it
-  is the autopilot's own stream that a station forwards back, another vehicle, or a forgery.
+- Frames with the autopilot's ids are accepted on autopilot links alone. On other links they are not forwarded and teach
+ no route: a station forwards the autopilot's own stream back, or the sender is another vehicle or a forgery.
 - A frame with the ids of a component of ours is an echo if we sent these bytes lately. Otherwise a second program uses
-  our ids; its frames go to the autopilot only, so that it keeps working until its ids are changed.
+ our ids; its frames go to the autopilot only, so that it keeps working until its ids are changed.
 - On a link of ground stations no sender with our system id reports the vehicle's state.
 """
 
@@ -23,11 +23,11 @@ from fwav_companion.mavlink.wire.frames import RawFrame
 _HEARTBEAT: Final = BY_NAME["HEARTBEAT"].msgid
 _AUTOPILOT_OFFSET: Final = BY_NAME["HEARTBEAT"].fields["autopilot"].offset
 SETTLING_NS: Final = 10 * NS_PER_S
-"""Time after the start in which a frame with our ids counts as an echo: of one that an earlier run sent."""
+"""Time after the start in which a frame with our ids counts as an echo, because an earlier run may have sent it."""
 _NO_STATE: Final = frozenset(
     BY_NAME[name].msgid for name in ("HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT")
 )
-"""Messages that say nothing about the vehicle: presence, and requests to us."""
+"""Messages without the vehicle's state: presence, and requests to us."""
 
 
 class Acceptance:
@@ -40,7 +40,7 @@ class Acceptance:
         self._settled_ns: HostNs | None = None
 
     def new_peer(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Add a sender heard for the first time on the link. Returns None if the link may not speak for it, or if the
+        """Add a sender heard for the first time on the link. Returns None if it is not accepted on this link, or if the
         frame is a copy that may be an echo.
         """
         router = self._router
@@ -66,8 +66,8 @@ class Acceptance:
         return not settled or frame.data in self._own_frames
 
     def forwards_of_untrusted(self, port: Port, frame: RawFrame) -> list[tuple[str, bytes]]:
-        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, and nothing of it goes to
-        the vehicle.
+        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, and does not go to the
+        vehicle.
         """
         router = self._router
         if router.is_own(frame):
@@ -82,7 +82,7 @@ class Acceptance:
         return [(out.name, frame.data) for out in router.on_ground(port, outs)]
 
     def is_second_copy(self, port: Port, frame: RawFrame) -> bool:
-        """Return whether the frame came lately by another link."""
+        """Return whether the frame arrived lately by another link."""
         return self._duplicates.came_first_by(frame.data, port.index) != port.index
 
     def forwards_of_refused(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:

@@ -2,8 +2,8 @@
 
 RADIO_STATUS.txbuf is the free part of a radio's send buffer, percent. ArduPilot slows its streams below 50, slows them
 more below 20, and speeds up above 90 (GCS_Common.cpp, handle_radio_status). PX4 multiplies its rates by 0.8 below 25
-and by 1.025 above 50 (mavlink_main.cpp, update_radio_status). :class:`RadioBackoff` multiplies the rate that actually
-left.
+and by 1.025 above 50 (mavlink_main.cpp, update_radio_status). :class:`RadioBackoff` multiplies the rate of the bytes
+that actually left.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Joins frames that go to one link at one time: a send costs more than the whole relaying of a frame."""
+"""Joins frames that go to one link at one time, because a send costs more than the whole relaying of a frame."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 An autopilot paces a parameter list or a log by its own link to us: ArduPilot gives it 30 % of that link's bandwidth
 (GCS_Param.cpp, queued_param_send), 27 kB/s at 921 600 baud. A radio behind us carries a fifth of that. No frame of a
-transfer is thinned, so the queue is here instead of in a buffer that overflows.
+transfer is thinned. The frames wait in this queue, not in a buffer that overflows.
 """
 
 from __future__ import annotations

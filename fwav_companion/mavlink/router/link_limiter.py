@@ -1,4 +1,4 @@
-"""Decides whether a frame may leave by one link now, from message rates and the bytes that the link carries.
+"""Decides from message rates and the load of a link whether a frame may leave by it now.
 
 Three limits work together; the lowest holds:
 
@@ -8,7 +8,7 @@ Three limits work together; the lowest holds:
   Once a second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
   (:mod:`~fwav_companion.mavlink.router.link_load`);
 - a token bucket between these measurements: over any time t at most ``t * rate + depth`` bytes of telemetry leave, so
-  that the backlog of a line that drains faster is bounded.
+ that the backlog of a line that drains faster is bounded.
 
 Commands, their answers, parameters, missions and heartbeats always leave; telemetry makes room for them. A transfer of
 hundreds of frames (a parameter list, a log) is queued (:mod:`~fwav_companion.mavlink.router.held_transfers`).
@@ -77,7 +77,7 @@ class LinkLimiter:
         return sender == self._capped_sender and msgid in self._caps
 
     def on_radio(self, txbuf: int, now: HostNs) -> bool:
-        """Take a RADIO_STATUS of the radio behind this link. Returns True if the result of :meth:`limits` may have
+        """Process a RADIO_STATUS of the radio behind this link. Returns True if the result of :meth:`limits` may have
         changed.
         """
         before = self._counts_bytes
@@ -113,7 +113,7 @@ class LinkLimiter:
         return None if self._within(stream, cap, now) else cap.why
 
     def refuse(self, stream: StreamKey, why: Why) -> None:
-        """Count a frame that does not leave by this link, whatever it carries."""
+        """Count a frame of any kind that does not leave by this link."""
         self._drop(stream, why)
 
     def holds(self, msgid: int, data: bytes, now: HostNs) -> bool:

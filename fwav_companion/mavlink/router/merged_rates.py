@@ -1,7 +1,7 @@
-"""Derives how often each message of the autopilot leaves by each link where stations' requests are merged with ours.
+"""Derives the rate of each message of the autopilot on each link where stations' requests are merged with ours.
 
-The autopilot sends every message at the highest rate that this service or a station requests. Each link then gets what
-its own stations would get without this service:
+The autopilot sends every message at the highest rate that this service or a station requests. Each link then gets the
+rates that its own stations would get without this service:
 
 1. a message that a station there requests: at the highest rate requested there;
 2. a message that this service requests and no station there: at the autopilot's own rate for it, or at the rate that a
@@ -9,8 +9,9 @@ its own stations would get without this service:
 3. every other message passes;
 4. attitude that no station there requests: 4 Hz at most.
 
-QGroundControl ignores ATTITUDE for good once it has seen one ATTITUDE_QUATERNION. The latter therefore goes only where
-a station requests it, and where the autopilot sends it by itself; a request on another link does not open the way.
+QGroundControl ignores ATTITUDE permanently once it has seen one ATTITUDE_QUATERNION. ATTITUDE_QUATERNION therefore goes
+only to links on which a station requests it, or if the autopilot sends it by itself; a request on another link does not
+count.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class MergedRates:
         """Highest rate that any station requests from the autopilot, hertz, by message id."""
 
     def share(self, own: OwnStreams, system: int) -> bool:
-        """Take the requests of this service. ``system``: our system id. Returns True if caps may have changed."""
+        """Set the requests of this service. ``system``: our system id. Returns True if caps may have changed."""
         if own == self.own or not self.links:
             return False
         self.own = own
@@ -90,7 +91,7 @@ class MergedRates:
         return True
 
     def note(self, request: RateRequest, system: int, now: HostNs) -> bool:
-        """Take a station's request. Returns True if caps may have changed."""
+        """Add a station's request. Returns True if caps may have changed."""
         link = self.links.get(request.link)
         component = self.own.component
         if link is None or not request.reaches(request.target_system, component):

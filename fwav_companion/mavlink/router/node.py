@@ -59,11 +59,11 @@ class Received(msgspec.Struct):
     rate_requests: Sequence[PassedRequest] = ()
     """Rate requests in frames that are forwarded to an autopilot: they may lower our rates."""
     copied: bool = False
-    """Whether there were known frames of a known sender that had come by another link."""
+    """Whether there were known frames of a known sender that had already arrived by another link."""
 
     @property
     def subscribes(self) -> bool:
-        """Whether a frame with a right checksum came from a sender that may subscribe to the link."""
+        """Whether a frame with a right checksum arrived from a sender that may subscribe to the link."""
         for frame in self.frames:  # not any(): its generator costs as much as the routing of a frame
             if frame.flow.definition is not None:
                 return True
@@ -180,11 +180,11 @@ class Node:
         return self._router.hears_ground_station(now)
 
     def statistics(self, now: HostNs) -> list[LinkStatistics]:
-        """Return what each link carried and lost; rates are those since the last call."""
+        """Return the traffic and losses of each link; rates are those since the last call."""
         return self._statistics.take(now)
 
     def notices(self, now: HostNs) -> list[Notice]:
-        """Return what was refused on the links and is due to be reported; call it about once a second."""
+        """Return the notices of refused frames and requests that are due; call it about once a second."""
         return self._reports.take(now)
 
     def _release(self, received: Received, now: HostNs) -> None:
@@ -240,7 +240,7 @@ class Node:
         return received
 
     def _trust(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> Trust | None:
-        """Return the trust level of a frame; None if it teaches nothing, and goes at most to ground links."""
+        """Return the trust level of a frame; None if it teaches no route, and goes at most to ground links."""
         trust = self._keyring.judge(port, frame, now)
         match trust:
             case Trust.NONE:
@@ -256,7 +256,7 @@ class Node:
         return Trust.SIGNED if trust is Trust.LATE_COPY else trust
 
     def _attach(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> bool:
-        """Recompute what holds for all frames of a flow. Returns False if its frames are not accepted."""
+        """Recompute the routing data of a flow. Returns False if its frames are not accepted."""
         router, flow = self._router, frame.flow
         peer = port.peers.get(flow.system << 8 | flow.component) or self._acceptance.new_peer(port, frame, now)
         if peer is None:

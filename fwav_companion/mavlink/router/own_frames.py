@@ -1,4 +1,4 @@
-"""Remembers the frames that we sent, so that an echo of ours differs from a second program with our ids."""
+"""Remembers the frames that we sent, to distinguish their echo from frames of a second program with our ids."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds the peers of all links, and their streams, together: who may enter the tables, and who makes room."""
+"""Limits the total number of peers and streams of all links: which may enter the tables, and which are removed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Peers = dict[int, Peer]
 
 
 class PeerTables:
-    """The tables of all links. A peer that finds no room is in none of them: its frames pass, and teach no route."""
+    """The tables of all links. A peer without room is in none of them: its frames pass, and teach no route."""
 
     def __init__(self, tables: Sequence[Peers]) -> None:
         self._tables = tables
         self.peers = 0
         self.streams = 0
-        """Streams of all peers."""
+        """Number of streams of all peers."""
         self._full_until_ns: HostNs | None = None
-        """Time until which no peer gives way: looking for one at each frame would cost too much."""
+        """Time until which no peer is removed: a search at each frame would cost too much."""
 
     def add(self, table: Peers, frame: RawFrame, now: HostNs) -> Peer:
         """Return a new peer, which is in the table if there is room."""
@@ -43,8 +43,8 @@ class PeerTables:
         return peer.add_stream(frame)
 
     def forget(self, table: Peers, senders: set[int]) -> None:
-        """Forget peers of one link, and free them at once: their streams refer back to them, and a search for such
-        cycles comes minutes later.
+        """Forget peers of one link, and free them at once: their streams refer back to them, and garbage collection
+        frees such cycles only minutes later.
         """
         for sender in senders & table.keys():
             streams = table.pop(sender).streams
@@ -53,7 +53,7 @@ class PeerTables:
             streams.clear()
 
     def _make_room(self, now: HostNs) -> bool:
-        """Forget up to an eighth of the peers that may give way, the longest silent first. Returns False if there are
+        """Forget up to an eighth of the peers that may be removed, the longest silent first. Returns False if there are
         none.
         """
         if self._full_until_ns is not None and now < self._full_until_ns:

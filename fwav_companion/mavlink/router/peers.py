@@ -12,27 +12,27 @@ from fwav_companion.mavlink.wire.definitions import Definition
 from fwav_companion.mavlink.wire.frames import RawFrame
 
 SILENT_NS: Final = 60 * NS_PER_S
-"""Silence after which a component is forgotten: sixty missed heartbeats. Forgetting it early would lose commands to a
-vehicle behind a radio that fades for some seconds; late costs a few bytes on a link where it is not any more."""
+"""Silence after which a component is forgotten: sixty missed heartbeats. Earlier, commands to a vehicle behind a radio
+that fades for some seconds would be lost; later, a few bytes are wasted on a link where it is no longer heard."""
 MAX_PEERS: Final = 512
-"""Peers on all links together: 128 vehicles with four components each, up to 2 kB each with the missing numbers. Beyond
-it those make room that were heard for a moment alone, then those that are silent. Otherwise a newcomer teaches no
-route: invented senders do not take the place of one that is heard."""
+"""Most peers on all links together: 128 vehicles with four components each, up to 2 kB each with the missing numbers.
+Beyond it, peers that were heard only for a moment are removed, then silent ones. If there are none, a newcomer teaches
+no route: invented senders do not take the place of a peer that is heard."""
 ESTABLISHED_NS: Final = NS_PER_S
 """Time over which a peer must be heard before a newcomer cannot take its place."""
 ABSENT_NS: Final = 5 * NS_PER_S
-"""Silence after which it can: five missed heartbeats."""
+"""Silence of an established peer after which a newcomer can take its place: five missed heartbeats."""
 MAX_PEER_STREAMS: Final = 2048
-"""Messages of all peers together, 300 bytes each."""
+"""Most streams of all peers together, 300 bytes each."""
 _LATE: Final = 32
-"""Sequence numbers behind the next one that are taken for late frames: more than UDP and bonded radios reorder."""
+"""Sequence numbers before the next one that count as late frames: more than UDP and bonded radios reorder."""
 _BURST_NS: Final = NS_PER_S // 2
 """Time within which a jump of nearly 256 sequence numbers is a repeated frame instead of a loss."""
 RESTART_NS: Final = 2 * NS_PER_S
 """Time for which a clock must stay lower before it counts as a restart: three messages at 1 Hz."""
 UNKNOWN: Final = -1
-"""Key of the one stream that all messages of unknown ids of a peer share: they are all routed alike, and a table with
-their ids could be filled by any sender."""
+"""Key of the one stream for all messages of unknown ids of a peer: they are all routed alike, and any sender could fill
+a table with their ids."""
 
 
 class PeerStream:
@@ -68,7 +68,7 @@ class PeerClock:
         """Arrival of the first of the lower clocks; None while the clock has not gone back."""
 
     def on_stamp(self, boot_ms: int, now: HostNs) -> HostNs | None:
-        """Take a clock. Returns when it began to be lower, once it has stayed lower for RESTART_NS; else None."""
+        """Process a clock. Returns when it became lower, after it has stayed lower for RESTART_NS; otherwise None."""
         if boot_ms >= self._boot_ms:
             self._boot_ms, self._since_ns = boot_ms, None
             return None
@@ -122,7 +122,7 @@ class Peer:
         return sum(stream.count for stream in self.streams.values()) - self.repeated
 
     def on_gap(self, seq: int, now: HostNs) -> None:
-        """Take a frame that is not the next one. Call it before ``last_ns`` is set."""
+        """Process a frame that is not the next one. Call it before ``last_ns`` is set."""
         received = self.received
         behind = (self.next_seq - seq) & 0xFF
         missed_at = self._missing.get(seq)

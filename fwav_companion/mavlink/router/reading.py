@@ -1,4 +1,4 @@
-"""Reads the frames that are addressed to us or to all: messages for the client, and what the router needs itself."""
+"""Reads the frames that are addressed to us or to all: messages for the client, and those for the router itself."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class FrameReader:
         """Ids of the messages that are read."""
 
     def read(self, port: Port, frame: RawFrame, *, trust: Trust, messages: list[Message], now: HostNs) -> bool:
-        """Read a watched message of a known sender if it is addressed to us. Returns False if it is not believed."""
+        """Read a watched message of a known sender if it is addressed to us. Returns False if it is not accepted."""
         if not (port.is_autopilot or self._acceptance.is_believed(port, frame)):
             return False
         flow = frame.flow

@@ -1,4 +1,4 @@
-"""Decides where a frame goes: MAVLink's routing rules (developer guide, routing), by what was heard on each link.
+"""Decides where a frame goes, by MAVLink's routing rules (developer guide, routing) and the peers heard on each link.
 
 1. To us: a frame without target system, or for system 0; or for our system with no component, component 0, or one of
    ours.
@@ -55,18 +55,18 @@ class LinkPolicy(msgspec.Struct, frozen=True):
 
     name: str
     role: Literal["autopilot", "gcs", "payload"]
-    """Peers of the link. ``payload``: programs and devices of this vehicle, which speak for themselves, never as the
-    autopilot."""
+    """Peers of the link. ``payload``: programs and devices of this vehicle, which send with their own ids, not with the
+    autopilot's."""
     max_rate_hz: Mapping[str, float] = {}
     """Highest rate by message name, hertz, out of this link."""
     forward_rate_requests: Literal["merge"] | bool = "merge"
-    """What happens to a rate request that arrives on this link: it is forwarded to the autopilot and merged with ours,
+    """Treatment of a rate request that arrives on this link: it is forwarded to the autopilot and merged with ours,
     forwarded unchanged, or stopped. On an autopilot's link all requests are forwarded unchanged."""
     max_bytes_per_s: float = 0.0
-    """Limit that telemetry keeps to on the way out of this link, bytes a second; 0: no limit."""
+    """Limit of the telemetry that leaves by this link, bytes a second; 0: no limit."""
     relay_unsigned: bool = False
-    """With a key: whether unsigned frames that ask something of their receiver go from this link to the vehicle, if
-    the link accepts unsigned telemetry."""
+    """With a key: whether unsigned frames that request something of their receiver go from this link to the vehicle,
+    if the link accepts unsigned telemetry."""
     datagrams: bool = False
     """Whether the link carries datagrams, which usually begin and end with a frame."""
 
@@ -104,9 +104,9 @@ class Port:
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
         self.late_copy = 0
-        """Genuine signed frames with an old timestamp: copies that came another way."""
+        """Genuine signed frames with an old timestamp: copies that arrived another way."""
         self.outdated = 0
-        """Of these: the first of their sender, more than a minute behind our own timestamp."""
+        """Number of late copies that were the first of their sender, more than a minute behind our own timestamp."""
         self.signed_unverified = 0
         """Signed frames for us while no key is configured."""
         self.ground_station_ns: HostNs | None = None
@@ -140,7 +140,7 @@ class Router:
         self._sweep_ns: HostNs | None = None
 
     def adopt(self, system: int, autopilot: int | None) -> None:
-        """Take the vehicle's system id, which is also ours, and its autopilot's component id."""
+        """Set the vehicle's system id, which is also ours, and its autopilot's component id."""
         sender = None if autopilot is None else system << 8 | autopilot
         if system == self.system and sender == self._autopilot:
             return
@@ -157,17 +157,17 @@ class Router:
             self._apply_caps()
 
     def share(self, own: OwnStreams) -> None:
-        """Take the requests of this service to the autopilot."""
+        """Set the requests of this service to the autopilot."""
         if self.merged.share(own, self.system):
             self._apply_caps()
 
     def note(self, request: RateRequest, now: HostNs) -> None:
-        """Take a station's rate request if its link merges them."""
+        """Add a station's rate request if its link merges them."""
         if self.merged.note(request, self.system, now):
             self._apply_caps()
 
     def on_radio(self, port: Port, txbuf: int, now: HostNs) -> None:
-        """Take the free part of the send buffer of the radio behind a link, percent."""
+        """Process a report of the free part of the send buffer of the radio behind a link, percent."""
         self.version += port.limiter.on_radio(txbuf, now)
 
     def _apply_caps(self) -> None:
@@ -219,7 +219,7 @@ class Router:
         return stream
 
     def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
-        """Take a peer's SYSTEM_TIME. A clock that goes back and stays back means a restart: the system may be on
+        """Process a peer's SYSTEM_TIME. A clock that goes back and stays back means a restart: the system may be on
         another link now.
         """
         peer: Peer = frame.flow.stream.peer
@@ -298,7 +298,7 @@ class Router:
         return (target_system << 8 | target_component) in out.peers
 
     def are_two_ways(self, first: Port, second: Port, frame: RawFrame) -> bool:
-        """Return whether a copy on ``second`` shows a second way to its sender: we never sent it there, so it is not an
+        """Return whether a copy on ``second`` shows a second path to its sender: we never sent it there, so it is no
         echo.
         """
         if first.role != second.role:

@@ -1,4 +1,4 @@
-"""Encodes our messages to frames for each link that they go to."""
+"""Encodes our messages to frames for each destination link."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Sender:
     """Encodes, numbers and signs our messages.
 
     Each component of ours has a separate sequence counter for each link, as in ArduPilot and PX4: every peer then
-    counts true losses, whatever was sent to other links.
+    counts true losses, independently of other links.
     """
 
     def __init__(self, router: Router, keyring: Keyring) -> None:

@@ -16,7 +16,7 @@ from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.signing import Signature, Signer, SigningClock, Verifier
 
 _ANSWERS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_ACK", "GIMBAL_DEVICE_ATTITUDE_STATUS"))
-"""Messages that name their receiver but request nothing of it: accepted unsigned where telemetry is."""
+"""Messages that name their receiver but request nothing of it: accepted unsigned on links that accept telemetry so."""
 _STEERS: Final = frozenset(
     definition.msgid
     for name, definition in BY_NAME.items()
@@ -34,7 +34,7 @@ class SigningPolicy(msgspec.Struct, frozen=True, kw_only=True):
     timestamp: int
     """First timestamp, from :func:`~fwav_companion.mavlink.wire.signing.starting_timestamp`."""
     accept_unsigned: frozenset[str] = frozenset()
-    """Links on which unsigned telemetry is read as well; a request to us never is."""
+    """Links on which unsigned telemetry is read as well; an unsigned request to us never is."""
 
 
 class Trust(Enum):
@@ -47,11 +47,11 @@ class Trust(Enum):
     UNSIGNED = "unsigned"
     """Unsigned telemetry on a link that accepts it."""
     UNSIGNED_REQUEST = "unsigned_request"
-    """Unsigned on such a link, and asks something of its receiver: we do not obey it."""
+    """Unsigned request to its receiver on a link that accepts unsigned telemetry: we do not execute it."""
     RADIO = "radio"
     """Report of a radio, which cannot sign: read on every link."""
     NONE = "none"
-    """Unsigned where that is not accepted, or signed with another key."""
+    """Unsigned on a link that does not accept it, or signed with another key."""
     LATE_COPY = "late_copy"
     """Genuine, with a timestamp that is not newer than its stream's, or more than a minute behind ours."""
 
@@ -97,7 +97,7 @@ class Keyring:
 
 
 def _asks(frame: RawFrame) -> bool:
-    """Return whether a frame asks something of its receiver, or may do so because its id is unknown."""
+    """Return whether a frame requests something of its receiver, or may do so because its id is unknown."""
     if frame.definition is None or frame.msgid in _STEERS:
         return True
     return frame.definition.target_system_offset >= 0 and frame.msgid not in _ANSWERS

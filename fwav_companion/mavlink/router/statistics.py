@@ -1,4 +1,4 @@
-"""Reports what each link carried and lost, for the status file and ONBOARD_COMPUTER_STATUS."""
+"""Reports the traffic and losses of each link, for the status file and ONBOARD_COMPUTER_STATUS."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fwav_companion.types.network_status import LinkStatistics, PeerStatistics
 UNKNOWN_NAME: Final = "unknown"
 """Name of all messages whose ids are not in the dialect."""
 MAX_LISTED_PEERS: Final = 64
-"""Peers of all links together that are listed; the others are counted. The status stays below 64 kB."""
+"""Most peers of all links together that are listed; the others are counted. The status stays below 64 kB."""
 _SHORTEST_NS: Final = 200 * NS_PER_MS
 """Shortest time over which rates are measured; within it the last rates are reported again."""
 

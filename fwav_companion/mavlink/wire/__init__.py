@@ -1,8 +1,8 @@
 """Converts bytes to MAVLink messages and back, byte for byte as pymavlink does. Pure.
 
 ``scanner`` finds the frames in the bytes of one link and gives each as a ``frames.RawFrame``: header read, payload
-untouched, so that a relay need not decode it. ``frame_reader`` reads one where a start byte announces it, and
-``flow_table`` remembers which message of which sender came before.
+untouched, so that a relay need not decode it. ``frame_reader`` reads the frame that begins at a start byte, and
+``flow_table`` remembers the known pairs of sender and message.
 
 ``codec`` decodes a frame to a message, and encodes fields to a frame. ``definitions`` is the table of all messages; it
 alone imports pymavlink, and only for names, types and checksum seeds. ``payloads`` builds the pack and unpack functions

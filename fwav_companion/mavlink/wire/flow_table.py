@@ -1,6 +1,6 @@
-"""Remembers the flows of one link: which message of which sender came before.
+"""Remembers the flows of one link: the pairs of sender and message that were received before.
 
-A frame of a known flow costs a scanner least. Strangers can invent flows, so the table is bounded.
+The scanner handles frames of known flows fastest. Strangers can invent flows, so the table is bounded.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from fwav_companion.mavlink.wire.definitions import DEFINITIONS
 from fwav_companion.mavlink.wire.frames import HEADER_V1, HEADER_V2, MARKER_V2, Flow, RawFrame
 
 MAX_FLOWS: Final = 4096
-"""Flows remembered on all links together: 250 vehicles with sixteen messages each, 250 bytes a flow. Beyond a link's
-share, those that are not used are forgotten."""
+"""Most flows on all links together: 250 vehicles with sixteen messages each, 250 bytes a flow. Beyond a link's share,
+unused flows are forgotten."""
 
 
 class FlowTable:

@@ -1,4 +1,4 @@
-"""Reads the frame that a start byte announces: by its own header and, for a known message id, its checksum."""
+"""Reads the frame that begins at a start byte, by its header and, for a known message id, its checksum."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Flow:
         self.remembered = False
         """Whether the scanner's table holds the flow."""
         self.used = False
-        """Whether a frame came since the scanner looked last."""
+        """Whether a frame was received since the scanner's last check."""
         self.stream: Any = None
         self.version = -1
         """Version from which the owner of :attr:`stream` computed it."""

@@ -1,4 +1,4 @@
-"""Reads a station's request for message rates from its frame, and holds what this service requests."""
+"""Reads a station's request for message rates from its frame, and represents this service's own requests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "CO
 RATE_REQUESTS: Final = COMMANDS | {REQUEST_DATA_STREAM, MESSAGE_INTERVAL}
 """Ids of the messages that may request a rate."""
 HIGHEST_HZ: Final = 1000.0
-"""Highest rate: ArduPilot takes intervals below a millisecond for one (GCS_Common.cpp, set_message_interval)."""
+"""Highest rate: ArduPilot treats intervals below a millisecond as one (GCS_Common.cpp, set_message_interval)."""
 HIGHEST_ID: Final = 0xFFFFFF
 START: Final = 1
 """REQUEST_DATA_STREAM.start_stop; 0 stops."""

@@ -23,9 +23,9 @@ _MINUTE: Final = 6_000_000
 _GREATEST: Final = (1 << 48) - 1
 _HASH_LENGTH: Final = 6
 MAX_STREAMS: Final = 256
-"""Streams remembered, since every relayed frame is verified: 64 senders with four links each (the C library has 16).
-Only senders with the key can fill the table. Streams more than a minute behind make room: the rule for new streams
-rejects replays of them too."""
+"""Most streams that are remembered, because every relayed frame is verified: 64 senders with four links each (the C
+library has 16). Only senders with the key can fill the table. Streams more than a minute behind are removed to make
+room: the rule for new streams rejects their replays too."""
 
 
 def timestamp_from_unix_ns(unix_ns: int) -> int:
@@ -36,8 +36,8 @@ def timestamp_from_unix_ns(unix_ns: int) -> int:
 def starting_timestamp(reserved: int | None, unix_ns: int, *, synchronised: bool) -> int:
     """Return the timestamp after a restart: greater than any that an earlier run used.
 
-    ``reserved``: timestamp below which earlier runs stayed; None if nothing was kept. A wall clock that is not
-    synchronised counts only then: ahead of the time it would be followed for good.
+    ``reserved``: timestamp below which earlier runs stayed; None if it was not kept. An unsynchronised wall clock
+    counts only in that case: if it is ahead of the true time, the timestamps stay ahead permanently.
     """
     wall = timestamp_from_unix_ns(unix_ns)
     if reserved is None:
@@ -49,32 +49,32 @@ class SigningClock:
     """Timestamp that all our links share. It only grows: with each frame, to the timestamps of genuine peers, and with
     time.
 
-    Time is UTC once that is known (:meth:`follow`): a timestamp that is ahead of it, because an earlier run reserved it
-    or a peer is ahead, waits until UTC has caught up. It grows by one with each frame meanwhile, which is all that
-    MAVLink asks for. Without UTC it grows with host time from the start.
+    Time is UTC as soon as it is known (:meth:`follow`). A timestamp that is ahead of UTC, because an earlier run
+    reserved it or a peer is ahead, waits until UTC has caught up. Meanwhile it grows by one with each frame, as MAVLink
+    requires. Without UTC it grows with host time from the start.
     """
 
     def __init__(self, timestamp: int) -> None:
         """Start at a timestamp from :func:`starting_timestamp`."""
         self._timestamp = min(timestamp, _GREATEST)
         self._reference: tuple[int, HostNs] | None = None
-        """Timestamp of a host instant, from which time counts."""
+        """(timestamp, host instant) from which time counts."""
         self._knows_utc = False
         self.limit = _GREATEST
-        """Timestamp up to which time may carry it: the one that is reserved for this run."""
+        """Largest timestamp by the passage of time: the reservation of this run."""
 
     @property
     def timestamp(self) -> int:
-        """Current timestamp: all that were used are lower."""
+        """Current timestamp: all used timestamps are lower."""
         return self._timestamp
 
     def follow(self, unix_ns: int, now: HostNs) -> None:
-        """Take UTC at an instant, from a synchronised wall clock or from the autopilot's signed time."""
+        """Set UTC at an instant, from a synchronised wall clock or from the autopilot's signed time."""
         self._reference = (timestamp_from_unix_ns(unix_ns), now)
         self._knows_utc = True
 
     def ahead_s(self, now: HostNs) -> float:
-        """Return how far the timestamp is ahead of UTC, seconds; 0 while UTC is not known."""
+        """Return the lead of the timestamp over UTC, seconds; 0 while UTC is not known."""
         if not self._knows_utc or self._reference is None:
             return 0.0
         return max(0.0, (self._timestamp - self._at(self._reference, now)) / UNITS_PER_S)
@@ -84,7 +84,7 @@ class SigningClock:
         if self._reference is None:
             self._reference = (self._timestamp, now)
         elif not self._knows_utc and self._timestamp > self._at(self._reference, now) + UNITS_PER_S:
-            self._reference = (self._timestamp, now)  # a peer knows better: time goes on from there
+            self._reference = (self._timestamp, now)  # a peer was ahead: time continues from its timestamp
         carried = min(self._at(self._reference, now), self.limit, _GREATEST)
         self._timestamp = max(self._timestamp, carried)
         return self._timestamp
@@ -97,7 +97,7 @@ class SigningClock:
         return timestamp
 
     def learn(self, timestamp: int) -> None:
-        """Take the timestamp of a genuine peer. An older one changes nothing."""
+        """Advance to the timestamp of a genuine peer. An older one changes nothing."""
         self._timestamp = max(self._timestamp, min(timestamp, _GREATEST))
 
     def _at(self, reference: tuple[int, HostNs], now: HostNs) -> int:

@@ -24,7 +24,7 @@ def unsigned(frame: RawFrame) -> bytes:
 
 
 def without_signature(data: bytes) -> bytes:
-    """Return a whole frame as if it had never been signed. It works for unknown ids too: see :func:`_seed_byte`."""
+    """Return a whole frame as an unsigned one. It works for unknown ids too: see :func:`_seed_byte`."""
     if data[0] != MARKER_V2 or data[2] != FLAG_SIGNED:
         return data
     body_end = len(data) - SIGNATURE_LENGTH - CHECKSUM_LENGTH
