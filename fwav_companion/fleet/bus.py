@@ -1,7 +1,7 @@
 """SHELL: the bus of a fleet, a Zenoh session. The only module that imports zenoh.
 
-Zenoh finds peers, routes and reconnects; a router that ends and comes back needs nothing here. Its callbacks come on
-threads of its own and are handed to the event loop, bounded.
+Zenoh finds peers, routes and reconnects; a router that ends and comes back needs no action here. Zenoh calls back on
+its own threads; the calls are handed to the event loop, in a bounded number.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from fwav_companion.fleet.payloads import MAX_BYTES, MAX_PARTS
 
 PREFIX = "fwav"
 MAX_WAITING = 4096
-"""Messages that wait for the event loop; further ones are dropped and counted."""
+"""Most messages that wait for the event loop; further ones are dropped and counted."""
 RETRY_S = 3.0
 CONNECT, LISTEN, SCOUTING = "connect/endpoints", "listen/endpoints", "scouting/multicast/enabled"
-"""Zenoh's own defaults listen on all addresses, unencrypted, and answer multicast: both must be configured here."""
+"""Keys of Zenoh's configuration. Its own defaults listen on all addresses, unencrypted, and answer multicast: both must
+be configured here."""
 
 OnMessage = Callable[[str, str, bytes], None]
 """(vehicle, kind, payload): kind is the last word of the key."""
@@ -31,7 +32,7 @@ OnAlive = Callable[[str, bool], None]
 
 
 class BusPlace:
-    """Where a fleet's bus is: what [fleet] or the command line say of it."""
+    """The place of a fleet's bus, by [fleet] or the command line."""
 
     def __init__(
         self,
@@ -42,7 +43,7 @@ class BusPlace:
         scouting: bool = False,
         config: str = "",
     ) -> None:
-        """UserError where Zenoh does not accept the configuration file or an endpoint."""
+        """UserError if Zenoh does not accept the configuration file or an endpoint."""
         self.name = name
         try:
             self.configuration = zenoh.Config.from_file(config) if config else zenoh.Config()
@@ -64,7 +65,7 @@ class BusPlace:
             raise UserError(f"[fleet] {where}: {why}; accepted: {accepted}") from None
 
     def why_closed(self, error: str) -> str:
-        """Why the session does not open, without the places in Zenoh's own code."""
+        """Why the session does not open: Zenoh's error without the references to its own code."""
         if "Unable to connect" in error:
             endpoints = ", ".join(json.loads(self.configuration.get_json(CONNECT)))
             return f"no connection to {endpoints}: check address, network, and with TLS the certificates"
@@ -72,7 +73,7 @@ class BusPlace:
 
 
 class FleetBus:
-    """One session: publishes for one vehicle or for `ground`, and passes on what others publish."""
+    """One session: publishes for one vehicle or for `ground`, and passes on the messages of others."""
 
     def __init__(self, place: BusPlace, on_state: Callable[[bool, str], None]) -> None:
         """``on_state``: called in the loop with (whether it works, why not), once for each reason."""
@@ -89,19 +90,19 @@ class FleetBus:
         """Messages that were dropped because too many waited."""
 
     def start(self) -> None:
-        """Open the session in the background; what is published before is dropped."""
+        """Open the session in the background; messages published before it is open are dropped."""
         self._loop = asyncio.get_running_loop()
         self._task = self._loop.create_task(self._open())
 
     def announce(self, vehicle: str) -> None:
-        """Declare that this vehicle lives, once."""
+        """Declare this vehicle's liveliness token, once."""
         key = f"{PREFIX}/{self._place.name}/{vehicle}/alive"
         if self._session is not None and key != self._alive_key:
             self._alive_key = key
             self._held.append(self._session.liveliness().declare_token(key))
 
     def subscribe(self, on_message: OnMessage, on_alive: OnAlive) -> None:
-        """Pass on every vehicle's messages, also the newest from before. Called before :meth:`start`."""
+        """Pass on every vehicle's messages, including the newest earlier ones. Called before :meth:`start`."""
         self._subscription = (on_message, on_alive)
 
     def publish(self, key: str, parts: Sequence[bytes]) -> None:
@@ -178,7 +179,7 @@ class FleetBus:
         self._held.append(tokens)
 
     def _hand_over(self, work: Callable[[], None]) -> None:
-        """Run in the event loop. On a thread of Zenoh."""
+        """Run the work in the event loop. Called on a thread of Zenoh."""
         if self._waiting >= MAX_WAITING or self._loop is None or self._loop.is_closed():
             self.dropped += 1
             return
@@ -195,21 +196,21 @@ class FleetBus:
 
 
 def _mode(configuration: Any) -> str:
-    """Client where one endpoint is all there is, else peer.
+    """Zenoh's mode: client if there is exactly one endpoint, else peer.
 
-    Routers pass on what clients send; between peers they do not (Zenoh 1.10), since peers are taken to reach one
-    another. A client has one endpoint at a time; a peer is connected to all of them, each a program that listens.
+    Routers pass on messages of clients, but not messages between peers (Zenoh 1.10), because peers are assumed to reach
+    one another. A client has one endpoint at a time; a peer is connected to all of them, each a program that listens.
     """
     connect, listen, scouting = (json.loads(configuration.get_json(key)) for key in (CONNECT, LISTEN, SCOUTING))
     return "client" if len(connect) == 1 and not listen and not scouting else "peer"
 
 
 def _is_default(configuration: Any, key: str) -> bool:
-    """Whether a configuration leaves this key as Zenoh has it."""
+    """Whether a configuration leaves this key at Zenoh's default."""
     return bool(configuration.get_json(key) == zenoh.Config().get_json(key))
 
 
 def _close_late(opening: asyncio.Future[Any]) -> None:
-    """Close a session that nothing waits for any more."""
+    """Close a session that is no longer awaited."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()

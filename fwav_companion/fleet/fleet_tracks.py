@@ -1,7 +1,7 @@
-"""A vehicle's tracks as it shares them: each covariance split into its own biases, what others may share, and noise.
+"""Messages of a vehicle's tracks: each covariance is split into its own biases, possibly common errors, and noise.
 
-PURE. The position part of a track is what its covariance has more than that of the target relative to the vehicle. The
-sensitivities to heading and terrain are the means over the fixes, as in the track's own average.
+PURE. The position part of a track is the difference of its covariance and that of the target relative to the vehicle.
+The sensitivities to heading and terrain are the means over the fixes, as in the track's own average.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, oute
 from fwav_companion.types import Bias, ErrorPriors, Situation, Track
 
 MOST_COUNTED = 300
-"""Fixes after which the mean forgets: the track's own average has long settled."""
+"""Number of fixes after which the mean forgets: by then, the track's own average has long settled."""
 LARGEST_SHARE = 0.9
-"""Most of a covariance that heading or terrain may take: the rest is noise, which every track has."""
+"""Largest share of a covariance for heading or terrain: the rest is noise, which every track has."""
 
 
 class MeanColumns(msgspec.Struct, gc=False):
@@ -43,7 +43,7 @@ class MeanColumns(msgspec.Struct, gc=False):
     level_m: float = 0.0
 
     def add(self, heading: Vector3, terrain: Vector3, level_m: float) -> None:
-        """Take the sensitivities of a further fix."""
+        """Add the sensitivities of a further fix to the means."""
         self.count = min(self.count + 1, MOST_COUNTED)
         share = 1.0 / self.count
         self.heading = _toward(self.heading, heading, share)
@@ -65,7 +65,7 @@ class FleetTracks:
     ) -> tuple[TracksMessage, StateMessage] | None:
         """Tracks and state; None without UTC, a global position or a known vehicle.
 
-        ``obstacle``: why the vehicle is not ready; None where it is.
+        ``obstacle``: why the vehicle is not ready; None if it is ready.
         """
         autopilot, plane = situation.autopilot, situation.plane
         if autopilot is None or situation.utc_minus_host_s is None or plane is None:
@@ -95,7 +95,7 @@ class FleetTracks:
     def _shared_track(
         self, track: Track, split: tuple[float, float], position_m: float, *, plane: TangentPlane, now_ns: HostNs
     ) -> SharedTrack:
-        """A track as others fuse it. ``split``: variance of its position error, own and common, m^2 an axis;
+        """A track in the form for fusion. ``split``: variance of its position error, own and common, m^2 an axis;
         ``position_m``: one sigma of the largest own part.
         """
         own, common = split
@@ -144,7 +144,7 @@ class FleetTracks:
         )
 
     def _learn(self, tracks: Iterable[Track]) -> None:
-        """Take the sensitivities of the newest fixes; forget tracks that ended."""
+        """Add the sensitivities of the newest fixes; forget tracks that ended."""
         alive = {}
         for track in tracks:
             columns = alive[track.id] = self._columns.get(track.id) or MeanColumns()
@@ -154,7 +154,7 @@ class FleetTracks:
         self._columns = alive
 
     def _position_share(self, track: Track) -> tuple[float, float]:
-        """Variance of the position's error in a track, m^2 an axis: its own part, and what others may share."""
+        """Variance of the position's error in a track, m^2 an axis: its own part, and the part others may share."""
         cov, relative = track.cov, track.relative_cov
         position = 0.5 * (cov[0][0] + cov[1][1] - relative[0][0] - relative[1][1])
         position = min(max(position, 0.0), LARGEST_SHARE * min(cov[0][0], cov[1][1]))
@@ -162,7 +162,7 @@ class FleetTracks:
         return position - common, common
 
     def _heading_column(self, track: Track, position: float) -> Vector3:
-        """d(position)/d(heading), metres a radian, no more than the covariance without the position has room for."""
+        """d(position)/d(heading), metres a radian, limited by the covariance without the position part."""
         column = self._columns[track.id].heading
         return scale(column, _room(track.cov, position, column, self._priors.sigma(Bias.HEADING)))
 
@@ -171,7 +171,7 @@ class FleetTracks:
         return shortened(min(1.0, sqrt(LARGEST_SHARE * track.cov[2][2]) / sigma)) if sigma > 0.0 else 0.0
 
     def _shared(self, track: Track, common: float) -> Matrix3:
-        """Covariance of what vehicles may share: GNSS, terrain and the ground's level, m^2."""
+        """Covariance of the errors that vehicles may share: GNSS, terrain and the ground's level, m^2."""
         columns = self._columns[track.id]
         sigma = self._priors.sigma(Bias.TERRAIN)
         terrain = scale(columns.terrain, sigma * _room(track.cov, common, columns.terrain, sigma))
@@ -181,7 +181,7 @@ class FleetTracks:
 
 
 def _room(cov: Matrix3, taken: float, column: Vector3, sigma: float) -> float:
-    """The share of a column that fits into a covariance of which ``taken`` is used: at most one."""
+    """The share of a column, at most one, that fits into a covariance after ``taken`` has been used."""
     nn, ne, ee = cov[0][0] - taken, cov[0][1], cov[1][1] - taken
     determinant = nn * ee - ne * ne
     north, east = column[0] * sigma, column[1] * sigma

@@ -1,7 +1,7 @@
 """The messages of a fleet as JSON, schema 1, at most 64 kB each. Pure.
 
-Covariances are upper triangles (nn, ne, nd, ee, ed, dd) with three significant digits. Whatever arrives is checked: a
-message is one of these structs with finite numbers, or the reason why it is not.
+Covariances are upper triangles (nn, ne, nd, ee, ed, dd) with three significant digits. Received bytes are checked: the
+result is one of these structs with finite numbers, or the reason why they are not a message.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SCHEMA = 1
 MAX_BYTES = 64_000
 MAX_PARTS = 16
 MAX_TRACKS = 256
-"""Tracks of one vehicle in all parts."""
+"""Most tracks of one vehicle in all parts."""
 MAX_TRACKS_A_PART = 64
 BIAS_NAMES = ("position_north", "position_east", "position_down", "heading")
 DIGITS = 3
@@ -36,9 +36,9 @@ class VehicleBias(msgspec.Struct, frozen=True, kw_only=True):
 
     names: Annotated[tuple[Word, ...], Meta(max_length=16)] = BIAS_NAMES
     sigma: Row = ()
-    """One sigma of each, metres and radians."""
+    """One sigma of each bias, metres and radians."""
     time_constant_s: float = 60.0
-    """Of the position."""
+    """Time constant of the position's bias, seconds."""
 
 
 class SharedTrack(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,9 +51,9 @@ class SharedTrack(msgspec.Struct, frozen=True, kw_only=True):
     lon: Longitude
     alt_amsl: float | None = None
     cov: Triangle
-    """Every error source, m^2."""
+    """Covariance including every error source, m^2."""
     cov_shared: Triangle
-    """The part that other vehicles may share: terrain, target height, GNSS."""
+    """Covariance of the errors that other vehicles may share: terrain, target height, GNSS, m^2."""
     bias_jacobian: Annotated[tuple[Row, ...], Meta(min_length=3, max_length=3)]
     """d(position)/d(bias): north, east and down by the biases."""
     vel: Annotated[tuple[float, ...], Meta(min_length=3, max_length=3)] | None = None
@@ -73,7 +73,7 @@ class TracksMessage(msgspec.Struct, frozen=True, kw_only=True):
     part: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
     parts: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
     session: Word = ""
-    """Random name of the sender's run: two senders with one vehicle's name are found by it."""
+    """Random name of the sender's run, which distinguishes two senders with one vehicle's name."""
     bias: VehicleBias = VehicleBias()
     tracks: Annotated[tuple[SharedTrack, ...], Meta(max_length=MAX_TRACKS)] = ()
 
@@ -92,9 +92,9 @@ class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
     armed: bool = False
     ready: bool = False
     trouble: Annotated[str, Meta(max_length=300)] = ""
-    """Why it is not ready, and what to do; "": it is."""
+    """Why the vehicle is not ready, and what to do; "" if it is ready."""
     footprint: Annotated[tuple[tuple[Latitude, Longitude], ...], Meta(max_length=16)] = ()
-    """Border of what the camera sees on the ground; empty where not known."""
+    """Border of the camera's footprint on the ground; empty if not known."""
 
 
 class FusedTrack(msgspec.Struct, frozen=True, kw_only=True):
@@ -109,9 +109,9 @@ class FusedTrack(msgspec.Struct, frozen=True, kw_only=True):
     cov: Triangle
     last_seen_s: float = 0.0
     vehicles: dict[str, int] = {}
-    """Track by vehicle."""
+    """Track number by vehicle."""
     left_out: dict[str, str] = {}
-    """Reason by vehicle."""
+    """Reason why a vehicle is left out, by vehicle."""
 
 
 class FusedMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -140,7 +140,7 @@ def shortened(value: float) -> float:
 
 
 def encoded(message: TracksMessage | FusedMessage) -> list[bytes]:
-    """The message as parts of at most MAX_BYTES. What exceeds the largest number of parts is left out."""
+    """The message as parts of at most MAX_BYTES. Tracks beyond the largest number of parts are left out."""
     tracks = message.tracks[: MAX_PARTS * MAX_TRACKS_A_PART]
     size = MAX_TRACKS_A_PART
     while True:
@@ -172,7 +172,7 @@ def decoded(data: bytes, kind: type[AnyMessage]) -> AnyMessage | str:
 
 
 def _is_sound(track: SharedTrack, bias: VehicleBias) -> bool:
-    """Whether the covariances can be ones, and the Jacobian has a column for each bias."""
+    """Whether the covariances are possible, and the Jacobian has a column for each bias."""
     width = len(bias.names)
     if len(bias.sigma) != width or any(len(row) != width for row in track.bias_jacobian):
         return False
