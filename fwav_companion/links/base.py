@@ -12,14 +12,14 @@ DRAIN_LIMIT = 64
 """Largest number of reads per wake-up: enough to empty any burst, few enough that no link starves the others."""
 
 READ_BYTES = 65536
-"""The largest datagram. CPython frees what a read does not fill."""
+"""Size of a read of datagrams: the largest datagram. CPython frees the part that a read does not fill."""
 
 SLICE_BYTES = 32768
 """Bytes of one wake-up, after which the other links have their turn: genuine frames of this size cost a millisecond,
-and the worst bytes four times as much. A last datagram may exceed it."""
+and the worst bytes four milliseconds. A last datagram may exceed it."""
 
 STREAM_READ_BYTES = 8192
-"""Largest read of a stream; a server may have eight of them in a turn."""
+"""Largest read of a stream; a server may read eight streams in a turn."""
 
 
 class LinkState(StrEnum):
@@ -42,7 +42,7 @@ OnBytes: TypeAlias = Callable[[str, bytes], bool]
 valid frame of a sender that may subscribe to the link."""
 
 OnRefused: TypeAlias = Callable[[str, str], None]
-"""(link's name, peer's address): called when a peer finds no place, at most once a minute for a link."""
+"""(link's name, peer's address): called if there is no room for a peer, at most once a minute for a link."""
 
 OnState: TypeAlias = Callable[[str, bool, str], None]
 """(link's name, whether it is up now, why not): called when the link comes up, is lost, or first fails to open."""
@@ -63,16 +63,16 @@ class Link(Protocol):
         """Begin to connect. Called once, from a running loop."""
 
     def send(self, data: bytes) -> None:
-        """Send whole frames without blocking. What cannot leave soon is dropped and counted, never cut."""
+        """Send whole frames without blocking. Frames that cannot leave soon are dropped and counted, never cut."""
 
     def poll(self) -> None:
-        """Pass on what has arrived, a bounded part of it, without waiting for the loop."""
+        """Pass on a bounded part of the received bytes, without waiting for the loop."""
 
     def close(self) -> None:
         """Close the link permanently and at once; no callback follows."""
 
     def status(self) -> LinkReport:
-        """State, why, counters, and the entries of this kind of link."""
+        """State, reason, counters, and the entries of this kind of link."""
 
 
 class Traffic:
@@ -102,7 +102,7 @@ class Ear:
         self.heard = heard
         """Called with received bytes. Returns whether they held a valid frame that subscribes its source."""
         self.refused = refused
-        """Called with the address of a peer that finds no place."""
+        """Called with the address of a peer for which there is no room."""
         self.lost = lost
         """Called with the reason. Further calls have no effect."""
         self.traffic = traffic
@@ -115,7 +115,7 @@ class Connection(Protocol):
         """Send whole frames as :meth:`Link.send` does."""
 
     def poll(self) -> None:
-        """Pass on what has arrived, as :meth:`Link.poll` does."""
+        """Pass on received bytes, as :meth:`Link.poll` does."""
 
     def close(self) -> None:
         """Release the connection at once, without calling ``lost``."""
@@ -125,10 +125,10 @@ class Connection(Protocol):
 
 
 class Opener(Protocol):
-    """Opens one connection after the other; kinds of links differ in this alone."""
+    """Opens one connection after the other; kinds of links differ only in their opener."""
 
     async def open(self, ear: Ear) -> Connection:
-        """A new connection that calls ``ear``. OSError or LinkError where it cannot be opened now."""
+        """A new connection that calls ``ear``. OSError or LinkError if it cannot be opened now."""
 
     def close(self) -> None:
         """Abandon an attempt that is still under way."""

@@ -14,13 +14,13 @@ from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 from fwav_companion.types.network_status import LinkReport
 
 FIRST_DELAY_S = 0.25
-"""A device that re-enumerates needs a few tenths of a second."""
+"""First delay before a retry: a device that re-enumerates needs a few tenths of a second."""
 LONGEST_DELAY_S = 3.0
-"""Longest delay until a peer that came back is noticed. An attempt costs a system call or two."""
+"""Longest delay before a retry, and so until a returned peer is noticed. An attempt costs a system call or two."""
 REFUSED_INTERVAL_S = 60.0
 """Interval between two reports of refused peers."""
 STEADY_S = 5.0
-"""After a connection of at least this duration the delays start short again."""
+"""Duration of a connection after which the delays start short again."""
 
 
 def make_link(
@@ -88,7 +88,7 @@ class StayingConnected:
             connection.send(data)
 
     def poll(self) -> None:
-        """Pass on what has arrived, a bounded part of it."""
+        """Pass on a bounded part of the received bytes."""
         if self._connection is not None:
             self._connection.poll()
 
@@ -122,7 +122,7 @@ class StayingConnected:
             delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
 
     async def _live_once(self) -> float:
-        """Open a connection and wait for its loss; its duration in seconds."""
+        """Open a connection and wait for its loss; returns its duration in seconds."""
         loop = asyncio.get_running_loop()
         end: asyncio.Future[str] = loop.create_future()
         try:
@@ -158,7 +158,7 @@ class StayingConnected:
         self._on_state(self.name, True, "")
 
     def _went_down(self, why: str) -> None:
-        """Report the loss unless the link was down already: one report per outage, whatever later attempts say."""
+        """Report the loss unless the link was down already: one report per outage, regardless of later attempts."""
         self._release()
         was_down, self.state, self._why = self.state is LinkState.DOWN, LinkState.DOWN, why
         if not was_down:

@@ -24,15 +24,15 @@ from fwav_companion.links.url import SerialUrl
 from fwav_companion.types.network_status import LinkReport
 
 OPEN_WAIT_S = 5.0
-"""Longest wait of one attempt. A healthy port opens in milliseconds; a USB device may hang in its open."""
+"""Longest wait of one attempt. A healthy port opens in milliseconds; the open call of a USB device may hang."""
 QUEUE_S = 0.5
 """Capacity of the queue, in seconds at the line's speed: older telemetry is useless."""
 SMALLEST_QUEUE_BYTES = 2048
-"""Several of the longest frames, for the slowest line."""
+"""Least capacity of the queue, for the slowest line: several of the longest frames."""
 
 
 class UsbIdentity(msgspec.Struct, frozen=True):
-    """Identity that a USB device keeps when it comes back under another name."""
+    """Identity that a USB device keeps when it reappears under another name."""
 
     vendor_id: int
     product_id: int
@@ -57,7 +57,7 @@ class OpenedPort(msgspec.Struct, frozen=True):
 
 
 class SerialOpener:
-    """Opens the device that a serial URL names, or the same device under the name with which it came back."""
+    """Opens the device that a serial URL names, or the same device after it reappeared under another name."""
 
     def __init__(self, url: SerialUrl, list_all: Callable[[], Sequence[PortInfo]] = list_ports.comports) -> None:
         self._url = url
@@ -68,7 +68,7 @@ class SerialOpener:
         """The one open call under way: the next attempt waits for a hanging one and does not start another."""
 
     async def open(self, ear: Ear) -> Connection:
-        """An open port. OSError or LinkError where the device is missing, in use, or hangs."""
+        """An open port. OSError or LinkError if the device is missing, in use, or hangs."""
         if self._opening is None:
             call = partial(find_and_open, self._url, self._identity, self._list_all)
             coroutine = in_daemon_thread(call, name=f"open {self._url}", undo=_close_unwanted)
@@ -178,7 +178,7 @@ class SerialConnection:
         self._writer.send(data)
 
     def poll(self) -> None:
-        """Pass on what has arrived, a bounded part of it."""
+        """Pass on a bounded part of the received bytes."""
         self._read()
 
     def close(self) -> None:

@@ -19,8 +19,8 @@ SIGNED_FLAG = 0x01
 class FrameCutter:
     """Passes whole frames of one client and keeps the incomplete one, at most 280 bytes.
 
-    Two clients of one link are so never mixed inside a frame. Frame ends follow from the headers alone. The checksum is
-    not checked: bytes that are not a frame pass unchanged and in order, and none is lost or added.
+    So the bytes of two clients of one link never mix inside a frame. Frame ends follow from the headers alone. The
+    checksum is not checked: bytes that are not a frame pass unchanged and in order, and none is lost or added.
     """
 
     __slots__ = ("_begun",)
@@ -56,9 +56,9 @@ def _length_at(data: bytes, at: int) -> int:
 
 
 class BoundedWriter:
-    """Writes what the system accepts, queues the rest, and drops the oldest chunk that has not begun when it is full.
+    """Writes the bytes that the system accepts, queues the rest, and drops the oldest unbegun chunk of a full queue.
 
-    The newest telemetry is the most useful. A chunk of which bytes have left is completed, whatever waits behind it.
+    The newest telemetry is the most useful. A chunk is always completed once its first bytes have left.
     """
 
     def __init__(self, fd: int, write: Callable[[bytes], int], capacity: int, ear: Ear) -> None:
@@ -73,7 +73,7 @@ class BoundedWriter:
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self._watching = False
-        """Whether the loop reports when the system has room: exactly while something is left to write."""
+        """Whether the loop reports when the system has room: exactly while bytes are left to write."""
 
     def send(self, data: bytes) -> None:
         """Write whole frames, now or when there is room."""
@@ -86,7 +86,7 @@ class BoundedWriter:
             self._ear.traffic.dropped += 1
 
     def close(self) -> None:
-        """Discard what waits."""
+        """Discard the waiting bytes."""
         self._begun = b""
         self._waiting.clear()
         self._watch()

@@ -13,15 +13,15 @@ from fwav_companion.links.url import TcpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
 
 CONNECT_WAIT_S = 5.0
-"""A reachable server answers within a round trip; Linux itself would try for two minutes."""
+"""Longest wait for a connection: a reachable server answers within a round trip; Linux would try for two minutes."""
 UNANSWERED_MS = 10_000
 """Time without an acknowledgement that ends a connection: a peer that lost power does not close it."""
 QUEUE_BYTES = 65536
-"""About three seconds of the busiest telemetry; older telemetry is useless."""
+"""Capacity of a queue: about three seconds of the busiest telemetry; older telemetry is useless."""
 MAX_CLIENTS = 8
-"""Each client costs a copy of everything that is sent."""
+"""Most clients: each costs a copy of all sent bytes."""
 IDLE_S = 10.0
-"""A client that has sent no valid frame for this time yields its place: stations send heartbeats at 1 Hz."""
+"""Time without a valid frame after which a client may be replaced: stations send heartbeats at 1 Hz."""
 
 
 def tcp_opener(url: TcpUrl) -> Opener:
@@ -71,7 +71,7 @@ class TcpServerOpener:
         self._url = url
 
     async def open(self, ear: Ear) -> Connection:
-        """A listening socket with its clients. OSError where the address does not exist, or is taken."""
+        """A listening socket with its clients. OSError if the address does not exist, or is taken."""
         family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_STREAM))[0]
         sock = socket.socket(family, socket.SOCK_STREAM)
         try:
@@ -103,7 +103,7 @@ class TcpStream:
         self._writer.send(data)
 
     def poll(self) -> None:
-        """Pass on what has arrived, a bounded part of it."""
+        """Pass on a bounded part of the received bytes."""
         self._read()
 
     def close(self) -> None:
@@ -140,7 +140,7 @@ class TcpServer:
         self._clients: dict[str, TcpStream] = {}
         """Streams by address."""
         self._valid_at: dict[str, float] = {}
-        """When each client sent its last valid frame; until the first one, when it connected."""
+        """Time of each client's last valid frame; before the first one, the time of its connection."""
         self._refused = 0
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
@@ -151,7 +151,7 @@ class TcpServer:
             client.send(data)
 
     def poll(self) -> None:
-        """Pass on what has arrived from each client, a bounded part of it."""
+        """Pass on a bounded part of the received bytes of each client."""
         for client in list(self._clients.values()):
             client.poll()
 
@@ -164,7 +164,7 @@ class TcpServer:
         self._clients.clear()
 
     def status(self) -> LinkReport:
-        """The clients in order of arrival, and how many found no place."""
+        """The clients in order of arrival, and the number of clients for which there was no room."""
         return LinkReport(clients=list(self._clients), refused=self._refused)
 
     def _accept(self) -> None:

@@ -19,13 +19,13 @@ FORGETTING_PERIOD_S = 10.0
 """Interval between two searches for silent clients."""
 
 BURST_S = 0.001
-"""Datagrams that come sooner after the last read are a burst, and are read together. One that comes alone is: to find
-that no other waits takes a system call and an exception, a tenth of all that is done for it."""
+"""Time since the last read below which datagrams are a burst, and are read together. Otherwise a single datagram is
+read: the check for another one takes a system call and an exception, a tenth of the whole work for a datagram."""
 
 ROUTE_GONE = {errno.ENETUNREACH, errno.ENETDOWN, errno.EADDRNOTAVAIL, errno.EINVAL, errno.ENODEV}
-"""Send errors that end a connection: the interface, route or own address is gone. Linux gives EINVAL where the own
+"""Send errors that end a connection: the interface, route or own address is gone. Linux gives EINVAL if the own
 address of a connected socket was removed. Any other error (no listener, buffer full, host silent, datagram too long)
-costs the one datagram."""
+only loses the one datagram."""
 
 
 class UdpOpener:
@@ -35,7 +35,7 @@ class UdpOpener:
         self._url = url
 
     async def open(self, ear: Ear) -> Connection:
-        """A bound, connected or broadcasting socket. OSError where address, interface or route is missing."""
+        """A bound, connected or broadcasting socket. OSError if the address, interface or route is missing."""
         family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_DGRAM))[0]
         sock = socket.socket(family, socket.SOCK_DGRAM)
         try:
@@ -76,7 +76,7 @@ class UdpSocket:
         return LinkReport()
 
     def poll(self) -> None:
-        """Pass on what has arrived, a bounded part of it."""
+        """Pass on a bounded part of the received bytes."""
         self._drain()
 
     def _on_readable(self) -> None:
@@ -85,7 +85,7 @@ class UdpSocket:
         self._read_s = self._loop.time()
 
     def _drain(self, most: int = DRAIN_LIMIT) -> None:
-        """Pass on the received datagrams, joined: a burst costs the link one call. ``most``: largest number of
+        """Pass on the received datagrams, joined, so that a burst costs the link one call. ``most``: largest number of
         reads.
         """
         datagrams: list[bytes] = []
@@ -123,7 +123,7 @@ class UdpClient(UdpSocket):
     """Sends to one peer, and receives from it only."""
 
     def send(self, data: bytes) -> None:
-        """Send one datagram to the peer. A refusal reported here is of an earlier one, so this one is sent again."""
+        """Send one datagram to the peer. A refusal reported here belongs to an earlier one: this one is sent again."""
         try:
             try:
                 self._socket.send(data)
@@ -148,7 +148,7 @@ class UdpBroadcaster(UdpSocket):
 
 
 class UdpServer(UdpSocket):
-    """Receives from every sender, and sends to those from which a valid frame came recently."""
+    """Receives from every sender, and sends to the senders of recent valid frames."""
 
     def __init__(self, sock: socket.socket, ear: Ear) -> None:
         super().__init__(sock, ear)
@@ -166,12 +166,12 @@ class UdpServer(UdpSocket):
         super().close()
 
     def status(self) -> LinkReport:
-        """The clients in order of arrival, and how often a valid frame found no place for its source."""
+        """The clients in order of arrival, and the number of valid frames whose source found no room."""
         clients = [host_and_port(*address[:2]) for address in self._clients]
         return LinkReport(clients=clients, refused=self._clients.refused)
 
     def _drain(self, most: int = DRAIN_LIMIT) -> None:
-        """Pass on the received datagrams, those of one source in a row joined. ``most``: largest number of reads."""
+        """Pass on the received datagrams, joining successive ones of one source. ``most``: largest number of reads."""
         joined: list[bytes] = []
         source: SocketAddress | None = None
         size = 0

@@ -1,8 +1,8 @@
-"""Peers of a UDP server: who subscribes, who is refused, and what of their bytes is passed on. Times are handed in.
+"""Peers of a UDP server: subscribed and refused sources, and the bytes that are passed on. Times are handed in.
 
-A source becomes a client by a valid frame of a station. It stays one while valid frames come, and is forgotten after a
-silence. A flood of source addresses takes no client's place: a source address has a bounded number of places, of which
-its own longest silent one yields.
+A source becomes a client by a valid frame of a station. It stays one while valid frames arrive, and is forgotten after
+a silence. A flood of sources does not displace other clients: a source address has a bounded number of places, and a
+new client replaces the longest silent one of the same address.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from fwav_companion.addresses import SocketAddress
 from fwav_companion.links.streams import FrameCutter
 
 MAX_CLIENTS = 16
-"""More ground stations than one vehicle ever has. Each costs a copy of everything that is sent."""
+"""Most clients: more ground stations than one vehicle ever has. Each costs a copy of all sent bytes."""
 MAX_CLIENTS_OF_HOST = 8
-"""Places of one source address: several programs on one computer, or stations behind one NAT."""
+"""Most clients of one source address: several programs on one computer, or stations behind one NAT."""
 CLIENT_SILENT_S = 60.0
-"""Peers send heartbeats at 1 Hz. A client that is silent for a minute is removed until it sends again."""
+"""Silence after which a client is removed until it sends again: a minute. Peers send heartbeats at 1 Hz."""
 MAX_STRANGERS = 16
-"""Sources without a valid frame so far whose begun frames are kept, 280 bytes each: serial bridges cut frames anywhere.
-Beyond it the longest known is forgotten, and loses at most a begun frame."""
+"""Most sources without a valid frame so far whose incomplete frames are kept, 280 bytes each: serial bridges cut frames
+anywhere. Beyond it, the longest known source is forgotten, and loses at most an incomplete frame."""
 
 
 class Clients:
@@ -31,7 +31,7 @@ class Clients:
         self._cutters: dict[SocketAddress, FrameCutter] = {}
         self._strangers: dict[SocketAddress, FrameCutter] = {}
         self.refused = 0
-        """Valid frames of sources for which there was no place."""
+        """Number of valid frames of sources for which there was no room."""
 
     def __iter__(self) -> Iterator[SocketAddress]:
         """The addresses in order of arrival."""
@@ -50,7 +50,7 @@ class Clients:
         return self._strangers.setdefault(address, FrameCutter()).cut(data)
 
     def on_valid(self, address: SocketAddress, now_s: float) -> bool:
-        """Take a valid frame of a source. Returns whether the source is a client now."""
+        """Process a valid frame of a source. Returns whether the source is a client now."""
         if address not in self._heard_at and not self._has_place(address[0]):
             self.refused += 1
             return False
@@ -67,7 +67,7 @@ class Clients:
             self._forget(address)
 
     def _has_place(self, host: str) -> bool:
-        """Return whether there is a place for another client of a source address; make one of its own free."""
+        """Return whether there is room for another client of a source address; one of its own may be removed."""
         own = [address for address in self._heard_at if address[0] == host]
         if len(own) >= MAX_CLIENTS_OF_HOST:
             self._forget(min(own, key=self._heard_at.__getitem__))

@@ -28,13 +28,13 @@ MEANT_KINDS = {
 """Kinds that the user may mean by MAVSDK's and other notations, by the notation in lower case."""
 
 BAUD_LIMITS = (300, 12_000_000)
-"""From the slowest radio in use to the fastest USB bridge (FT232H), bits per second."""
+"""Range of baud rates, bits per second: from the slowest radio in use to the fastest USB bridge (FT232H)."""
 USB_IDS = re.compile(r"(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,4})")
 """VID:PID in hexadecimal."""
 LONGEST_NAME = 253
-"""Characters of a host name."""
+"""Most characters of a host name."""
 UNIX_PATH_BYTES = 107
-"""sockaddr_un holds 108 bytes, one of them the terminator (unix(7))."""
+"""Most bytes of a Unix socket's path: sockaddr_un has 108 bytes, one of them the terminator (unix(7))."""
 
 
 class UrlError(UserError):
@@ -47,7 +47,7 @@ class SerialUrl(msgspec.Struct, frozen=True):
     baud: int
     """Bits per second."""
     device: str = ""
-    """Absolute path; "" where the ids identify the device."""
+    """Absolute path; "" if the ids identify the device."""
     vendor_id: int = 0
     product_id: int = 0
 
@@ -218,7 +218,7 @@ def _host_v6(kind: str, text: str) -> str:
 
 
 def _is_name(text: str) -> bool:
-    """Whether it is a host name: labels of 1 to 63 characters, 253 in all (RFC 1035 2.3.4), final dot or not."""
+    """Whether it is a host name: labels of 1 to 63 characters, 253 in all (RFC 1035 2.3.4), final dot optional."""
     return (
         len(text) <= LONGEST_NAME and re.fullmatch(r"[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*\.?", text) is not None
     )
