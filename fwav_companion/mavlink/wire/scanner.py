@@ -15,15 +15,16 @@ if more bytes could change it, and then at most two frames of the greatest lengt
 The work is bounded for any bytes. A frame of a known flow costs 0.6 us, a byte without a start byte 1 ns. Every other
 start byte is a *trial* of about 2 us: a header that does not fit its message, a wrong checksum, a frame of a new flow.
 A genuine stream costs 15 ns a byte, so 0xFE alone would cost 130 times as much. Each received byte therefore earns
-TRIALS_PER_KIB / 1024 trials, up to BURST. Once they are used up, the next trial that is needed sheds bytes, and they
-are counted: up to the end of the chunk only MAVLink 2 headers of known flows are looked for, by one regular expression
-(7 ns a byte of 0xFD) and the table. They have RESERVE trials of their own, which the others leave alone, so that the
-frames of a vehicle between start bytes with false lengths are found. Earned trials cost 2 us x 18 / 1024 = 35 ns a
-byte, 2.4 times the genuine cost; with the cost of what is valid between them the sum stays below 4 times
-(tests/benchmarks/adversary.py). Random bytes have 8 start bytes in a KiB, and a corrupted frame 1.3: noise of a wrong
-baud rate, and a stream of which half the frames are corrupted, shed nothing. Whole frames of known flows need no trial.
-Neither does a known frame at the beginning of a datagram, whose reception costs more than a trial: else a sender that
-is heard first while others flood the port would stay unheard.
+TRIALS_PER_KIB / 1024 trials, up to BURST. Once they are used up, the next needed trial sheds bytes instead, and the
+shed bytes are counted: up to the end of the chunk, the scan only searches MAVLink 2 headers of known flows, by one
+regular expression (7 ns a byte of 0xFD) and the table. These headers have RESERVE trials of their own, which other
+trials cannot use, so that the frames of a vehicle between start bytes with false lengths are found.
+
+Earned trials cost 2 us x 18 / 1024 = 35 ns a byte, 2.4 times the genuine cost; with the cost of valid frames between
+them, the sum stays below 4 times (tests/benchmarks/adversary.py). Random bytes have 8 start bytes in a KiB, and a
+corrupted frame 1.3: noise of a wrong baud rate, and a stream with half its frames corrupted, shed nothing. Whole
+frames of known flows do not need a trial. Neither does a known frame at the beginning of a datagram, whose reception
+costs more than a trial: otherwise a sender that is first heard while others flood the port would stay unheard.
 """
 
 from __future__ import annotations
@@ -59,16 +60,16 @@ _TRIAL: Final = 1024 // TRIALS_PER_KIB
 BURST: Final = 256
 """Most trials that are saved up, half a millisecond of work: the first frames of 250 flows at once."""
 RESERVE: Final = 64
-"""Trials beyond these for headers of known flows in bytes that are shed."""
+"""Trials in addition to BURST for headers of known flows in bytes that are shed."""
 _LOOKUP: Final = 8
-"""Cost of looking up such a header, 0.3 us, in the unit of the credit."""
+"""Cost of looking up a header of a known flow, 0.3 us, in the unit of the credit."""
 SHORT: Final = 32
-"""Length of a frame of a known flow below which one that is not the common case counts as a trial: it takes 1.5 us."""
+"""Length of a frame of a known flow below which it counts as a trial unless it is the common case: it takes 1.5 us."""
 _LEAST_V1: Final = 16
 """Length of the MAVLink 1 frames that are the common case: a heartbeat has 17 bytes."""
 
 _next_header: Final = re.compile(rb"(?s)\xfd.[\x00\x01]\x00").search
-"""MAVLink 2: start byte, length, incompatibility flags, compatibility flags (MAVLink defines no bit of them)."""
+"""Search for a MAVLink 2 header: start byte, length, incompatibility flags, compatibility flags (no bit is defined)."""
 _NEXT_HEADER_BYTES: Final = 4
 # Incompat flags, seq, identity (system, component, message id) and checksum, by length of payload: one read is a third
 # faster than four.
@@ -87,7 +88,7 @@ class Scanner:
         self.skipped_bytes = 0
         """Bytes outside any frame."""
         self.shed_bytes = 0
-        """Of these: bytes that were not examined, because the link used up its trials."""
+        """Number of skipped bytes that were not examined, because the link had used up its trials."""
         self.undecided = False
         """Whether a whole frame of an unknown id waits for the next bytes: see :meth:`settle`."""
         self._credit = (BURST + RESERVE) * _TRIAL
@@ -210,14 +211,14 @@ class Scanner:
         return True
 
     def _shed(self, buffer: bytes, position: int) -> int:
-        """Skip to the next header of a known flow, or to the end. A header that was none costs one of its trials."""
+        """Skip to the next header of a known flow, or to the end. A false header costs one of the reserved trials."""
         is_free, self._floor = self._floor > 0, 0
         found = self._known_header(buffer, position + 1) if is_free or self._pay() else len(buffer)
         self._drop(found - position)
         return found
 
     def _known_header(self, buffer: bytes, start: int) -> int:
-        """Return where a MAVLink 2 header of a known flow begins, or one that the buffer's end cuts; else the end."""
+        """Return the start of a MAVLink 2 header of a known flow, or of one cut by the buffer's end; else the end."""
         end = len(buffer)
         while header := _next_header(buffer, start):
             if self._credit < _LOOKUP:
@@ -236,7 +237,7 @@ class Scanner:
         self._due, self._clear_to = False, 0
 
     def _step(self, buffer: bytes, position: int, frames: list[RawFrame], at_end: bool) -> int:
-        """Take one frame or skip to the next start byte. Returns the new position; the old one if more bytes are
+        """Read one frame or skip to the next start byte. Returns the new position; the old one if more bytes are
         needed.
         """
         found = read_frame(buffer, position, self._flows)
