@@ -21,7 +21,7 @@ LEAST_SPAN_S = 20.0
 MOST_RATE = 5e-4
 """Largest rate: crystals err by 100 ppm at most; a steeper hull comes from a network whose delay changes."""
 EARLY_S = 0.1
-"""Time of an arrival before the line, seconds, from which the server's clock was set: its errors are smaller."""
+"""Lead of an arrival before the line, seconds, from which the server's clock was set: its errors are smaller."""
 LATE_S, LATE_PICTURES = 1.0, 30
 """Delay, and number of pictures in a row with it, from which the server's clock was set back. A network that stalls
 delivers again within a second."""

@@ -89,4 +89,4 @@ class VisionState(msgspec.Struct, frozen=True):
     why: str = ""
     """Reason why it does not look."""
     delivery: DeliveryReport | None = None
-    """What the camera delivers."""
+    """Statistics of the camera's delivery."""

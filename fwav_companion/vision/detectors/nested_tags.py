@@ -18,7 +18,7 @@ Tags that lie side by side are farther apart than half of that side."""
 MOST_SIZE = 0.5
 """Largest side of the inner tag as a share of the outer tag's: a larger one would cover its code."""
 RECENT = 5
-"""Number of recent pictures in which the outer tag is searched: a sixth of a second at 30 frames/s."""
+"""Number of recent pictures that may show the outer tag: a sixth of a second at 30 frames/s."""
 SIGHTINGS = 2
 """Number of pictures after which the two tags are known to be one target."""
 MOST_PAIRS = 64
