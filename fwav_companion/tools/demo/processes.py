@@ -51,7 +51,7 @@ class ChildProcess:
         return self._process.poll() is None
 
     def trouble(self) -> str | None:
-        """How the process failed; None while it runs and after a normal end."""
+        """Description of the process's failure; None while it runs and after a normal end."""
         status = self._process.poll()
         if not status:
             return None

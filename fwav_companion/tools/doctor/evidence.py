@@ -73,7 +73,7 @@ class Power(msgspec.Struct, frozen=True):
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """What the operating system reports."""
+    """State of the board as the operating system reports it."""
 
     user: str = ""
     ports: Sequence[SerialPort] = ()

@@ -95,7 +95,7 @@ def _camera(evidence: Evidence, status: RunStatus) -> Iterator[str]:
 
 
 def _delivery(delivery: DeliveryReport) -> str:
-    """What the camera delivers, and the rate that the detector reaches on this board."""
+    """Description of the camera's delivery, and of the rate that the detector reaches on this board."""
     exposure = "" if delivery.exposure_s is None else f", exposure {1e3 * delivery.exposure_s:.2f} ms"
     age = "" if delivery.age_s is None else f", {1e3 * delivery.age_s:.0f} ms old on arrival"
     width, height = delivery.size

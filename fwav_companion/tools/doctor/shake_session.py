@@ -40,7 +40,7 @@ Tag = tuple[str, int | None]
 
 
 class ShakeResult(msgspec.Struct, frozen=True):
-    """How the session ended."""
+    """Result of the session."""
 
     advice: Instruction
     shaking: ShakeData | None

@@ -52,8 +52,8 @@ MEMORY_S: Final = 0.5
 BLOCK: Final = 256
 """Frames that are multiplied with their neighbours at once."""
 ROLLED: Final = 1.25
-"""Factor on the sigmas under a rolling shutter, where the speeds couple the frames: over 60 sessions, the error of the
-mount's yaw was this multiple of the claim by the residuals."""
+"""Factor on the mount's sigmas under a rolling shutter, where the speeds couple the frames: over 60 sessions, the error
+of the mount's yaw was this multiple of the claim by the residuals."""
 
 
 class FitStart(msgspec.Struct, frozen=True, kw_only=True):

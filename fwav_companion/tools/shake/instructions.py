@@ -21,7 +21,7 @@ SLOWEST_HZ: Final = 20.0
 """Attitude rate; a slower one does not show a hand's motion."""
 SOON_S: Final = 4.0
 NARROW: Final = radians(5.0)
-"""Least swing in roll or pitch, radians: after SOON_S, the person is asked to swing wider."""
+"""Least swing in roll or pitch, radians: below it, the person is asked after SOON_S to swing wider."""
 GONE_S: Final = 2.0
 """Seconds without the tag before it is reported as lost."""
 

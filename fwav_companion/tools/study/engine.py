@@ -37,7 +37,7 @@ MANY: Final = 500
 
 
 class StudyProgress(Protocol):
-    """What a study reports while it runs."""
+    """Receiver of a study's progress while it runs."""
 
     def total(self, flights: int) -> None:
         """The number of flights that remain is known."""

@@ -66,7 +66,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Pictures in which the target was in view."""
     fixes: int = 0
     limits_m: dict[str, float] = {}
-    """Horizontal error by cause at the end, one sigma: by so much it would shrink if that cause were exactly known."""
+    """Horizontal error due to each cause at the end, one sigma: it would vanish if that cause were exactly known."""
 
     @property
     def is_answered(self) -> bool:

@@ -30,9 +30,9 @@ class FlownFlight(msgspec.Struct, frozen=True, kw_only=True):
     """A recording in memory, and the truth about it."""
 
     telemetry: bytes
-    """A .tlog."""
+    """Telemetry, a .tlog."""
     detections: bytes
-    """JSON lines."""
+    """Detections, JSON lines."""
     truth: str
     """True positions, CSV."""
     frames: int

@@ -1,4 +1,4 @@
-"""What a study is asked: the configuration, the lens, how flights are drawn. All that a worker needs. PURE."""
+"""Plan of a study: the configuration, the lens, and how flights are drawn. A worker needs nothing else. PURE."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ANGLES: Final = 60
 
 
 class RadialLens(msgspec.Struct, frozen=True):
-    """A lens by its radially symmetric part, as mock and pipeline both take it: the model of Kannala and Brandt."""
+    """The radially symmetric part of a lens, which mock and pipeline both use: the model of Kannala and Brandt."""
 
     k_mm: tuple[float, float, float, float, float]
     pixels_per_mm: tuple[float, float]
@@ -35,11 +35,11 @@ class RadialLens(msgspec.Struct, frozen=True):
     max_angle: float
     """Largest angle from the axis, radians."""
     exact: bool = True
-    """Whether the configured lens is this one; else its tangential or skewed part is left out."""
+    """Whether this is the configured lens; otherwise its tangential or skewed part is left out."""
 
     @property
     def lens(self) -> KannalaBrandt:
-        """The lens as the pipeline takes it."""
+        """The lens in the form for the pipeline."""
         return KannalaBrandt(
             self.k_mm, self.pixels_per_mm, self.principal_point, self.image_size, max_angle=self.max_angle
         )
@@ -51,7 +51,7 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
     config: str
     """Text of the configuration file, TOML."""
     config_name: str
-    """Its name, as the user gave it."""
+    """Name of the configuration file, as the user gave it."""
     lens: RadialLens
     flights: int
     seconds: float
@@ -64,23 +64,23 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def digest(self) -> str:
-        """Identifies studies whose flights of the same index are equal: everything but their number."""
+        """Identifier of studies whose flights of the same index are equal: it covers all but the number of flights."""
         return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, flights=0))).hexdigest()[:16]
 
     @property
     def asks_for_calibration(self) -> bool:
-        """Whether --set says whether self-calibration is on."""
+        """Whether a --set switches self-calibration on or off."""
         return any(key.endswith(ON_BY_DEFAULT) for key, _ in self.settings)
 
     @property
     def switches_calibration_on(self) -> bool:
-        """Whether flights are replayed with self-calibration though the configuration has it off."""
+        """Whether flights are replayed with self-calibration although the configuration has it off."""
         return not (self.asks_for_calibration or self.parsed(()).tracking.self_calibration)
 
     def claim_settings(self, more: Iterable[tuple[str, str]] = ()) -> tuple[str, ...]:
         """The ``KEY=VALUE`` of a flight's replay. Self-calibration is on unless --set has it off.
 
-        All labels of the mock count, and an elevation model becomes a doubt of its level ground.
+        All labels of the mock count, and an elevation model becomes an uncertainty of its level ground.
         """
         own = () if self.asks_for_calibration else ((ON_BY_DEFAULT, "true"),)
         chosen = (*claim_settings((*own, *self.settings, *more)), "detections.min_score=0.0", "detections.labels=[]")
@@ -98,7 +98,7 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
         return _parsed(self.config, self.config_name, settings)
 
     def require_possible(self) -> None:
-        """ConfigError or UserError unless every flight can be flown: the ends of each variation are tried."""
+        """Raise ConfigError or UserError unless every flight can be flown: the ends of each variation are tried."""
         for variation in self.variations:
             for example in variation.examples:
                 more = ((variation.key, toml_text(example)),)
