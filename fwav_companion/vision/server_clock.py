@@ -19,7 +19,7 @@ warm-up of the crystal."""
 LEAST_SPAN_S = 20.0
 """Least span of the stamps to estimate a rate, seconds: 5 ms of jitter are 250 ppm over 20 s, 5000 ppm over one."""
 MOST_RATE = 5e-4
-"""Largest rate: crystals err by 100 ppm at most; a steeper hull comes from a network whose delay changes."""
+"""Largest rate, 500 ppm: crystals err by 100 at most; a steeper hull comes from a network whose delay changes."""
 EARLY_S = 0.1
 """Lead of an arrival before the line, seconds, from which the server's clock was set: its errors are smaller."""
 LATE_S, LATE_PICTURES = 1.0, 30
