@@ -25,7 +25,7 @@ SETTLING_NS = 20 * NS_PER_S
 DOUBT_NS = 2 * NS_PER_S
 FASTEST_NS = 500 * NS_PER_MS
 SLOWEST_NS = 2 * NS_PER_S
-"""Longest interval after settling. The interval is 0.5 to 2 s, depending on the growth of the bound."""
+"""Longest interval after settling. The interval lies between FASTEST_NS and this, by the growth of the bound."""
 DRIFT = 600e-6
 """Largest skew of two clocks: the bound grows by it between exchanges."""
 GROWTH_SHARE = 0.25
