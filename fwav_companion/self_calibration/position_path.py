@@ -18,6 +18,10 @@ VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
 """Process noise of the position due to errors of reported velocities, m^2/s: 0.05 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
 """Step of the position from which smoothing starts again, in sigmas, and a part of that sigma, m."""
+LAG_SHARE = 0.125
+"""Share of a new innovation of the height in their running mean: about the last eight, 0.8 s."""
+LAG_SIGMAS = 3.5
+"""Running mean from which the vertical velocity is wrong: by the noise of innovations alone once in 200 s."""
 LONGEST_S = 2.0
 """Interval of two reports from which smoothing starts again, s."""
 
@@ -34,6 +38,10 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
     variance: Vector3 = ZERO3
     begun: int = 0
     """Number of starts of the path; 0 before the first report."""
+    lag_m: float = 0.0
+    """Running mean of the innovations of the height (fading-memory mean, Bar-Shalom, Li & Kirubarajan 2001, ch. 11)."""
+    opened_m2: float = 0.0
+    """Variance that was added to the predicted height because of that mean, m^2."""
 
     def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
         """The estimated noise of a later report, and its variance; None if the path does not lead to that report."""
@@ -44,7 +52,11 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
         return subtract(position, after.position), after.variance
 
     def after(self, at_s: float, position: Vector3, velocity: Vector3, priors: ErrorPriors) -> PositionPath:
-        """The path with one more report."""
+        """The path with one more report.
+
+        Where the innovations of the height lean one way, the vertical velocity is wrong, as that of a heaving wing: the
+        height is then opened by as much as it lags.
+        """
         level, down = priors.position_noise_m**2, priors.height_noise_m**2
         noise = (level, level, down)
         begun = PositionPath(at_s, position, velocity, noise, self.begun + 1)
@@ -55,10 +67,19 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
         for o, v, n in zip(off, variance, noise, strict=True):
             if abs(o) > JUMP_SIGMAS * sqrt(v + n + JUMP_LEAST_M**2):
                 return begun
+        lag_m, opened_m2 = self._lag(off[2], variance[2] + down)
+        variance = add(variance, (0.0, 0.0, opened_m2))
         x, y, z = (v / (v + n * repeated) for v, n in zip(variance, noise, strict=True))
         position = add(predicted, (x * off[0], y * off[1], z * off[2]))
         left = ((1.0 - x) * variance[0], (1.0 - y) * variance[1], (1.0 - z) * variance[2])
-        return PositionPath(at_s, position, velocity, left, self.begun)
+        return PositionPath(at_s, position, velocity, left, self.begun, lag_m, opened_m2)
+
+    def _lag(self, off_m: float, variance: float) -> tuple[float, float]:
+        """``lag_m`` and ``opened_m2`` after an innovation of the height with this variance."""
+        lag_m = self.lag_m + LAG_SHARE * (off_m - self.lag_m)
+        if lag_m * lag_m <= LAG_SIGMAS**2 * LAG_SHARE / (2.0 - LAG_SHARE) * variance:
+            return lag_m, 0.0
+        return 0.0, lag_m * lag_m
 
     def _leads_to(self, at_s: float) -> bool:
         return self.begun > 0 and 0.0 < at_s - self.at_s < LONGEST_S
@@ -76,7 +97,7 @@ class PositionPath(msgspec.Struct, frozen=True, gc=False):
             return ZERO3
         predicted, variance = self._predicted(later.at_s, later.velocity)
         x, y, z = subtract(add(later.position, shift), predicted)
-        (own_x, own_y, own_z), (of_x, of_y, of_z) = self.variance, variance
+        (own_x, own_y, own_z), (of_x, of_y, of_z) = self.variance, add(variance, (0.0, 0.0, later.opened_m2))
         return (own_x / of_x * x, own_y / of_y * y, own_z / of_z * z)
 
 

@@ -22,8 +22,9 @@ CLUTTERED = {"camera.clutter": 0.1, "camera.readout_s": 0.015, "seconds": 60.0}
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("flown", [HOVER, ORBIT | {"flight.flapping_pitch_deg": 0.0}], ids=["hover", "orbit"])
 def test_targets_under_a_heaving_vehicle_are_as_right_as_claimed(flown):
-    """Four flights of either kind: the height runs away in none, and the mean normalised
-    square, 2 when honest, is that of honest claims. Of the hovers it was 22 to 45, and heights were 7 m off.
+    """Four flights of either kind: the height runs away in none, and the mean normalised square is 2 when honest.
+
+    Of the hovers it was 22 to 45, with heights 7 m off, and of the orbits 2 to 16.
     """
     errors, squares = list[float](), list[float]()
     for seed in range(1, 5):
@@ -39,4 +40,4 @@ def test_targets_under_a_heaving_vehicle_are_as_right_as_claimed(flown):
         errors.append(median(error for error, _ in found))
         squares.append(mean(square for _, square in found))
     assert max(errors) < 1.2
-    assert mean(squares) < 5.0
+    assert 0.5 < mean(squares) < 5.0

@@ -143,3 +143,36 @@ def test_a_batch_of_several_points_of_the_path_is_as_its_parts(batch):
     assert np.abs(shifts[0]).max() > 0.0
     apart = [moved(part, shift[None]) for part, shift in zip(parts, shifts, strict=True)]
     assert np.array_equal(moved(whole, shifts).poses.position_ned, joined(apart).poses.position_ned)
+
+
+def climbing(climb_error_m_s, seed=1, count=600):
+    """(path, true down) ten times a second of a level flight whose vertical velocity errs from the tenth second on."""
+    rng, path, found = np.random.default_rng(seed), PositionPath(), []
+    for k in range(count):
+        reported = tuple((np.array((0.0, 0.0, -10.0)) + np.array((0.1, 0.1, 0.3)) * rng.standard_normal(3)).tolist())
+        path = path.after(0.1 * k, reported, (0.0, 0.0, climb_error_m_s if k > 100 else 0.0), PRIORS)
+        found.append(path)
+    return found
+
+
+@pytest.mark.parametrize("climb_error_m_s", [0.4, -1.2])
+def test_a_wrong_climb_moves_the_path_by_decimetres(climb_error_m_s):
+    """Without the mean of its innovations the path lags by 1.2 m, or starts again and again."""
+    off = [np.array([path.position[2] + 10.0 for path in climbing(climb_error_m_s, seed)][120:]) for seed in range(5)]
+    assert np.sqrt(np.mean(np.square(off))) < 0.45
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_heights_are_hardly_ever_opened_by_noise_alone(seed):
+    paths = climbing(0.0, seed)
+    assert sum(path.opened_m2 > 0.0 for path in paths) <= 2
+    assert np.std([path.position[2] for path in paths[50:]]) < 0.08
+
+
+def test_later_heights_do_not_move_those_before_a_lag_was_noticed():
+    """Smoothed back, the path before the wrong climb stays where it was: the height that was opened says nothing."""
+    paths = climbing(-1.2)
+    k = next(i for i, path in enumerate(paths) if path.opened_m2 > 0.0 and i > 100)
+    shift = paths[k - 1].shift_by(paths[k], (0.0, 0.0, 1.0))
+    assert abs(shift[2]) < 0.3
+    assert abs(paths[k - 2].shift_by(paths[k - 1], (0.0, 0.0, 1.0))[2]) > 0.5
