@@ -76,7 +76,8 @@ class Calibrator(CalibrationState, frozen=True):
     ) -> Calibrator:
         """The calibrator after one frame.
 
-        ``seen``: all fixes of the frame. ``fixes``: the associated ones, with their tracks. ``alive``: all live tracks.
+        ``seen``: all fixes of the frame. ``fixes``: the associated ones, with their tracks. ``alive``: the live tracks
+        that self-calibration uses.
         """
         mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s, self.context.priors)
         if mount_check.text and not self._explained:
@@ -86,7 +87,7 @@ class Calibrator(CalibrationState, frozen=True):
         return state.caught_up(host_ns, alive)
 
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
-        """The calibrator after all measurements that are due were used. ``alive``: all live tracks."""
+        """The calibrator after all measurements that are due were used. ``alive``: the live tracks to use."""
         span_ns = SEARCH_NS if self.delay_s is None else BATCH_NS
         due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())), span_ns)
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
