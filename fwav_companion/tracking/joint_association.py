@@ -27,8 +27,10 @@ def doubtful_fixes(costs: Costs, frame: TracksAndFixes) -> set[int]:
 
     There are none unless the tracks have sensitivities to the shared errors, and these errors act linearly.
     """
+    if not 2 <= len(costs) <= MOST_PAIRS:
+        return set()
     errors = frame.shared_errors
-    if errors is None or errors.nonlinear or not 2 <= len(costs) <= MOST_PAIRS:
+    if errors is None or errors.nonlinear:
         return set()
     return _rivals(costs, frame) | {j for i, j in costs if not frame.candidates[i].steady}
 

@@ -124,6 +124,9 @@ def _costs(possible: Mapping[int, Sequence[int]], frame: TracksAndFixes) -> Cost
 
 def unambiguous_pairs(costs: Costs) -> dict[int, int]:
     """The pairs without another partner of track or fix, in the order of the costs: fix index by candidate index."""
+    pairs = dict(costs.keys())
+    if len(pairs) == len(set(pairs.values())) == len(costs):  # as in most frames
+        return pairs
     rows, columns = Counter([i for i, _ in costs]), Counter([j for _, j in costs])
     return {i: j for i, j in costs if rows[i] == columns[j] == 1}
 
