@@ -103,10 +103,9 @@ def assessed(
         status, parameters[SharedParameter.DELAY] = CalibrationStatus.TIME, (delay_s, delay_sigma_s)
     mount_retained = _retained(before, SharedParameter.MOUNT_X)
     plausible = is_plausible(joint, means, sigmas)
-    drifts_little = plausible and (bool(denied) or shown <= MOST_DRIFT * mount_retained)
+    drifts_little = bool(denied) or shown <= MOST_DRIFT * mount_retained
     drifted_little = before is not None and before.constant and shown <= MOST_DRIFT * RETAINED
-    constant = drifts_little or (plausible and drifted_little)
-    if drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
+    if plausible and drifts_little and mount_known <= MOUNT_OBSERVABLE * mount_retained:
         status, keep = CalibrationStatus.CALIBRATED, _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
@@ -115,9 +114,9 @@ def assessed(
         parameters=parameters,
         keep=keep,
         denied=denied,
-        constant=constant,
+        constant=plausible and (drifts_little or drifted_little),
         mount_known=mount_known,
-        position_delay_share=_mean_square_share(mean, cov, priors[1], SharedParameter.POSITION_DELAY),
+        position_delay_share=_position_delay_share(mean, cov, float(priors[1][SharedParameter.POSITION_DELAY])),
         known=known_parameters(mean, cov, joint.priors),
         places=calibrated_places(joint, (mean, cov), (means, sigmas)),
     )
@@ -140,10 +139,10 @@ def _estimate(mean: Array, cov: Array, i: int) -> tuple[float, float]:
     return float(mean[i]), float(np.sqrt(max(0.0, cov[i, i])))
 
 
-def _mean_square_share(mean: Array, cov: Array, sigmas: Array, i: int) -> float:
-    """Posterior mean square of a parameter over the variance of its prior; 1 where the prior has none."""
-    sigma = float(sigmas[i])
-    return 1.0 if sigma == 0.0 else float(mean[i] ** 2 + cov[i, i]) / sigma**2
+def _position_delay_share(mean: Array, cov: Array, sigma_s: float) -> float:
+    """Posterior mean square of the position delay over the variance of its prior; 1 without a prior."""
+    i = SharedParameter.POSITION_DELAY
+    return 1.0 if sigma_s == 0.0 else float(mean[i] ** 2 + cov[i, i]) / sigma_s**2
 
 
 def _mount_known(joint: JointFilter, sigmas: Array, factor: float, sight: Vector3) -> float:
