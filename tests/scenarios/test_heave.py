@@ -39,5 +39,5 @@ def test_targets_under_a_heaving_vehicle_are_as_right_as_claimed(flown):
         found = [flight.relative_error(line) for line in late[::10]]
         errors.append(median(error for error, _ in found))
         squares.append(mean(square for _, square in found))
-    assert max(errors) < 1.2
+    assert max(errors) < 1.0
     assert 0.5 < mean(squares) < 5.0

@@ -107,3 +107,14 @@ def test_a_target_that_joins_lies_as_far_from_the_others_as_it_is_known_to():
     points = state.joint.linearization_point[:, SHARED_COUNT:].reshape(2, 3, 2)
     assert points - points[:, :1] == pytest.approx(np.tile(TARGETS - TARGETS[0], (2, 1, 1)), abs=1e-9)
     assert np.hypot(*(points[0, 2] - hints[2][0])) > 0.1
+
+
+def test_the_height_is_estimated_once_the_path_is_long_enough_and_three_targets_are_known():
+    """Circles of 3 m at 14 m: a second of them is a hover; half a circle is more than four sigma of the position."""
+    batches = flown(3, lambda _: (0, 1, 2))
+    hover, half = passed(batches[:5] * 4), passed(batches[:25])
+    assert len(hover.joint.tracks) == len(half.joint.tracks) == 3
+    assert hover.joint.considers_height
+    assert hover.joint.cov[0, SharedParameter.HEIGHT, SharedParameter.HEIGHT] == pytest.approx(0.5**2)
+    assert not half.joint.considers_height
+    assert passed([batch.take([0, 1]) for batch in batches[:25]]).joint.considers_height

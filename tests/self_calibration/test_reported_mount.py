@@ -86,6 +86,17 @@ def test_a_drift_near_the_bound_does_not_turn_the_answer_on_and_off():
     assert not by(6.3, large).constant
 
 
+@pytest.mark.parametrize(("heading_sigmas", "believed"), [(3.0, True), (-12.0, False)])
+def test_an_estimate_that_contradicts_the_prior_of_the_heading_is_not_believed(heading_sigmas, believed):
+    """All angles are known to a tenth of their priors. The mount's own prior is contradicted, which is allowed."""
+    mean = np.array([0.0, 0.0, 0.0, 6.0 * SIGMAS[3], heading_sigmas * SIGMAS[4], 0.0, 0.0])
+    joint = as_joint(mean, np.diag([*(0.1 * SIGMAS[:5]) ** 2, 1.0, 1.0]))
+    assessment = assessed(joint, (MEANS, SIGMAS), drift=SimpleNamespace(factor=1.0, shown=1.0))
+    assert assessment.denied
+    assert (assessment.status is CalibrationStatus.CALIBRATED) is believed
+    assert assessment.constant is believed
+
+
 def test_a_heading_error_is_reported_as_a_rotation_about_down():
     biases = np.zeros(BIAS_COUNT)
     mount, heading = np.radians([0.5, 1.0, 2.0]), np.radians(3.0)

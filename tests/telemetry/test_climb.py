@@ -4,6 +4,7 @@ from math import cos, pi, sin
 from random import Random
 
 import pytest
+from telemetry_messages import Autopilot
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.telemetry.climb import ClimbCheck
@@ -84,3 +85,14 @@ def test_positions_after_a_gap_or_from_before_start_again():
     assert check.climb_at(BootNs(10_000_000_000), 12.0, 1.0) == pytest.approx(0.0)
     assert check.climb_at(BootNs(12_000_000_000), 12.0, 1.0) == 1.0
     assert check.climb_at(BootNs(11_000_000_000), 12.0, 1.0) == 1.0
+
+
+def test_states_have_the_climb_of_the_path():
+    """Velocity and height between positions of a level vehicle that reports a heave as a climb of 1.2 m/s."""
+    autopilot = Autopilot()
+    for boot_ms in range(0, 10_000, 100):
+        autopilot.send("GLOBAL_POSITION_INT", boot_ms, vz=-120)
+    autopilot.attitudes(9_000, 10_000)
+    state = autopilot.telemetry.state_at(BootNs(9_850_000_000))
+    assert state.velocity_ned[2] == pytest.approx(0.0, abs=0.01)
+    assert state.height_above_home_m == pytest.approx(10.0, abs=0.002)
