@@ -23,5 +23,9 @@ class LinkError(CompanionError):
     """A link could not be opened, or was lost. The service retries and never exits for this."""
 
 
+class ImplausibleStateError(CompanionError):
+    """A file that the service keeps between flights has a value outside its range. The service starts without it."""
+
+
 class EncodeError(CompanionError):
     """A message's name or fields are not in the MAVLink definitions: a defect in this program."""

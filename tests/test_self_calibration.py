@@ -133,18 +133,6 @@ def test_it_expires_when_the_camera_changes(board, file, old, new):
     assert CalibrationStore(load(board), pytest.fail).kept() is None
 
 
-@pytest.mark.parametrize("damage", [b"", b"{}", b'{"camera": 5}', b"\xff\xfe", b"[1, 2"])
-def test_a_damaged_file_is_none(board, damage):
-    remember(board)
-    (board.parent / "state" / "calibration.json").write_bytes(damage)
-    assert CalibrationStore(load(board), pytest.fail).kept() is None
-
-
-def test_numbers_that_are_none_are_not_believed(board):
-    remember(board, KeptCalibration(time_offset_s=0.0, time_offset_sigma_s=0.0, mount=(0, 0, 0), mount_sigma=(1, 1, 1)))
-    assert CalibrationStore(load(board), pytest.fail).kept() is None
-
-
 def test_without_a_state_directory_or_self_calibration_nothing_is_kept(tmp_path, monkeypatch):
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
     config = parse(LINK + '[camera]\ncalibration = "absent.yaml"\n', str(tmp_path / "flight.toml"))

@@ -10,6 +10,10 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
 
+MOST_PRIOR_SIGMAS = 6.0
+"""Largest distance of a kept calibration from the configuration, prior sigmas: 1 flight in 500 million has a larger one
+by chance. A flight that contradicts its prior keeps its result, but the next flight starts from the configuration."""
+
 
 class SharedParameter(IntEnum):
     """Parameters that all targets share, in the order of every vector of the joint estimate."""
@@ -83,6 +87,22 @@ class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
         numbers = (self.time_offset_s, *self.mount)
         sigmas = (self.time_offset_sigma_s, *self.mount_sigma)
         return all(map(isfinite, numbers)) and all(isfinite(sigma) and sigma > 0.0 for sigma in sigmas)
+
+    def implausible(self, time_offset_sigma_s: float, mount_sigma: Vector3) -> str:
+        """The value that no flight of this configuration can have found, and what is accepted; "" if all are plausible.
+
+        ``time_offset_sigma_s``, ``mount_sigma``: one sigma of the configured priors, s and rad.
+        """
+        if not self.is_sound:
+            return f"{self} has a number that is not finite, or a sigma that is not above 0"
+        most_s = MOST_PRIOR_SIGMAS * time_offset_sigma_s
+        if abs(self.time_offset_s) > most_s:
+            return f"time_offset_s {self.time_offset_s:g}; accepted: at most {most_s:g} either way (configured prior)"
+        for axis, (angle, sigma) in enumerate(zip(self.mount, mount_sigma, strict=True)):
+            if abs(angle) > MOST_PRIOR_SIGMAS * sigma:
+                most = MOST_PRIOR_SIGMAS * sigma
+                return f"mount[{axis}] {angle:g}; accepted: at most {most:g} rad either way (configured prior)"
+        return ""
 
 
 class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):

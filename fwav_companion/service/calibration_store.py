@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from math import hypot
 
 import msgspec
 
 from fwav_companion.config import Config
+from fwav_companion.errors import ImplausibleStateError
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import KeptCalibration
+from fwav_companion.service.kept_state import read_state
 from fwav_companion.service.latest_file import LatestFile, state_path
+from fwav_companion.types import Bias, ErrorPriors
 
 NAME = "calibration.json"
 EVERY_TICKS = 60
@@ -27,23 +32,32 @@ class CalibrationStore:
     """Reads the file at the start and writes it once a minute; does neither without a state directory."""
 
     def __init__(self, config: Config, on_failure: Callable[[str], None]) -> None:
+        """``on_failure`` gets one line on a file that cannot be used or written."""
         directory = config.state.directory
         wanted = config.tracking.self_calibration and bool(config.camera.calibration)
         self._camera = _fingerprint(config) if wanted else ""
         self._path = state_path(config.resolve(directory) if directory else None, NAME) if wanted else None
+        self._priors = config.priors
+        self._on_failure = on_failure
         self._file = None if self._path is None else LatestFile([self._path], on_failure, outlives_us=True)
         self._ticks = 0
         self._latest: KeptCalibration | None = None
 
     def kept(self) -> KeptCalibration | None:
-        """Calibration of an earlier flight; None if it is missing, damaged, or belongs to another camera."""
+        """Calibration of an earlier flight; None without one, or if it cannot be used or belongs to another camera."""
         if self._path is None:
             return None
-        try:
-            kept = msgspec.json.decode(self._path.read_bytes(), type=_Kept)
-        except (OSError, msgspec.DecodeError):  # the first flight, or a file that a power cut left empty
-            return None
-        return kept.calibration if kept.camera == self._camera and kept.calibration.is_sound else None
+        kept = read_state(self._path, self._decoded, self._on_failure)
+        return kept.calibration if kept is not None and kept.camera == self._camera else None
+
+    def _decoded(self, content: bytes) -> _Kept:
+        """The content of the file. ImplausibleStateError if this camera cannot have such a calibration."""
+        kept = msgspec.json.decode(content, type=_Kept)
+        if kept.camera == self._camera:
+            fault = kept.calibration.implausible(self._priors.sigma(Bias.TIME_OFFSET), _mount_sigma(self._priors))
+            if fault:
+                raise ImplausibleStateError(fault)
+        return kept
 
     def start(self) -> None:
         """Start the writer."""
@@ -66,6 +80,15 @@ class CalibrationStore:
     def _write(self) -> None:
         if self._file is not None and self._latest is not None:
             self._file.write(msgspec.json.encode(_Kept(self._camera, self._latest)))
+
+
+def _mount_sigma(priors: ErrorPriors) -> Vector3:
+    """One sigma of what a flight finds as the mount, rad: constant errors of the attitude are part of it."""
+    return (
+        hypot(priors.sigma(Bias.MOUNT_X), priors.sigma(Bias.ROLL)),
+        hypot(priors.sigma(Bias.MOUNT_Y), priors.sigma(Bias.PITCH)),
+        hypot(priors.sigma(Bias.MOUNT_Z), priors.sigma(Bias.HEADING)),
+    )
 
 
 def _fingerprint(config: Config) -> str:

@@ -8,13 +8,23 @@ service that crashes again and again are ahead by less than its running time. A 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from fwav_companion.config import Config
+from fwav_companion.errors import ImplausibleStateError
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.mavlink.wire.signing import UNITS_PER_S, SigningClock, starting_timestamp
+from fwav_companion.mavlink.wire.signing import (
+    LATEST_PLAUSIBLE,
+    UNITS_PER_S,
+    YEAR,
+    SigningClock,
+    starting_timestamp,
+    timestamp_from_unix_ns,
+)
+from fwav_companion.service.kept_state import read_state
 from fwav_companion.service.latest_file import LatestFile, state_path
 from fwav_companion.types import Message, Notice, NoticeCode, Severity
 
@@ -57,7 +67,8 @@ class SigningStore:
         """First timestamp of this run's signatures."""
         if not self._signs:
             return 0
-        return starting_timestamp(self._kept(), unix_ns, synchronised=self._is_synchronised())
+        synchronised = self._is_synchronised()
+        return starting_timestamp(self._kept(unix_ns, synchronised=synchronised), unix_ns, synchronised=synchronised)
 
     def start(self) -> None:
         """Start the writer; warn if there is no directory for it."""
@@ -112,8 +123,29 @@ class SigningStore:
             clock.limit = clock.timestamp + ahead
             self._file.write(msgspec.json.encode(clock.limit + FRAMES))
 
-    def _kept(self) -> int | None:
-        try:
-            return None if self._path is None else msgspec.json.decode(self._path.read_bytes(), type=int)
-        except (OSError, msgspec.DecodeError):  # the first run, or a file that a power cut left empty
+    def _kept(self, unix_ns: int, *, synchronised: bool) -> int | None:
+        """Timestamp below which earlier runs stayed; None if the wall clock is the best that is known.
+
+        Of a file that cannot be used, the time of its last change remains: an earlier run was active then.
+        """
+        if self._path is None:
             return None
+        try:
+            changed_unix_ns = self._path.stat().st_mtime_ns
+        except OSError:  # the first run
+            return None
+        latest = timestamp_from_unix_ns(unix_ns) + YEAR if synchronised else LATEST_PLAUSIBLE
+        kept = read_state(self._path, partial(_plausible, latest=min(latest, LATEST_PLAUSIBLE)), self._unusable)
+        changed = timestamp_from_unix_ns(changed_unix_ns)
+        return kept if kept is not None or synchronised else max(changed, timestamp_from_unix_ns(unix_ns))
+
+    def _unusable(self, text: str) -> None:
+        self._on_failure(f"{text}. Signatures start at the present time: if peers refuse them, set a new key")
+
+
+def _plausible(content: bytes, latest: int) -> int:
+    """The kept timestamp. ImplausibleStateError if it is not later than 2015, or later than ``latest``."""
+    timestamp = msgspec.json.decode(content, type=int)
+    if not 0 < timestamp <= latest:
+        raise ImplausibleStateError(f"signing time {timestamp}; accepted: 1 to {latest} (10 us since 2015)")
+    return timestamp

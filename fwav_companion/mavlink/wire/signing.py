@@ -28,6 +28,13 @@ library has 16). Only senders with the key can fill the table. Streams more than
 room: the rule for new streams rejects their replays too."""
 
 
+LATEST_PLAUSIBLE: Final = _GREATEST - 10 * 365 * 86_400 * UNITS_PER_S
+"""Ten years below the last timestamp, in 2094. A later one would soon leave none that is newer, and each receiver that
+has heard it refuses all earlier ones."""
+YEAR: Final = 365 * 86_400 * UNITS_PER_S
+"""A year in units of a timestamp."""
+
+
 def timestamp_from_unix_ns(unix_ns: int) -> int:
     """Return the time of a wall clock in signing units; 0 before 2015."""
     return max(0, (unix_ns - _EPOCH_UNIX_S * 1_000_000_000) // _TICK_NS)
