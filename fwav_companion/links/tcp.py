@@ -18,8 +18,8 @@ UNANSWERED_MS = 10_000
 """Time without an acknowledgement that ends a connection: a peer that lost power does not close it."""
 QUEUE_BYTES = 65536
 """Capacity of a queue: about three seconds of the busiest telemetry; older telemetry is useless."""
-MAX_CLIENTS = 8
-"""Most clients: each costs a copy of all sent bytes."""
+MAX_CLIENTS = 9
+"""Most clients: each costs a copy of all sent bytes. The last place is kept for a source address that has none."""
 IDLE_S = 10.0
 """Time without a valid frame after which a client may be replaced: stations send heartbeats at 1 Hz."""
 
@@ -179,10 +179,12 @@ class TcpServer:
                 self._loop.remove_reader(self._socket)
                 self._ear.lost(error.strerror or str(error))
                 return
-            self._welcome(sock, host_and_port(*address[:2]))
+            self._welcome(sock, *address[:2])
 
-    def _welcome(self, sock: socket.socket, name: str) -> None:
-        if len(self._clients) >= MAX_CLIENTS and not self._make_room():
+    def _welcome(self, sock: socket.socket, host: str, port: int) -> None:
+        name = host_and_port(host, port)
+        has_one = any(host_and_port(host, int(other.rpartition(":")[2])) == other for other in self._clients)
+        if len(self._clients) >= (MAX_CLIENTS - 1 if has_one else MAX_CLIENTS) and not self._make_room():
             sock.close()
             self._refused += 1
             self._ear.refused(name)

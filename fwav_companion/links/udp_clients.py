@@ -1,8 +1,8 @@
 """Peers of a UDP server: subscribed and refused sources, and the bytes that are passed on. Times are handed in.
 
 A source becomes a client by a valid frame of a station. It stays one while valid frames arrive, and is forgotten after
-a silence. A flood of sources does not displace other clients: a source address has a bounded number of places, and a
-new client replaces the longest silent one of the same address.
+a silence. A flood of sources does not displace a client that is heard: a source address has a bounded number of places,
+a new client replaces only a silent one of the same address, and the last place is kept for an address that has none.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ MAX_CLIENTS = 16
 """Most clients: more ground stations than one vehicle ever has. Each costs a copy of all sent bytes."""
 MAX_CLIENTS_OF_HOST = 8
 """Most clients of one source address: several programs on one computer, or stations behind one NAT."""
+YIELDS_AFTER_S = 10.0
+"""Silence after which a client yields to a new one of its source address: ten missed heartbeats."""
 CLIENT_SILENT_S = 60.0
 """Silence after which a client is removed until it sends again: a minute. Peers send heartbeats at 1 Hz."""
 MAX_STRANGERS = 16
@@ -51,7 +53,7 @@ class Clients:
 
     def on_valid(self, address: SocketAddress, now_s: float) -> bool:
         """Process a valid frame of a source. Returns whether the source is a client now."""
-        if address not in self._heard_at and not self._has_place(address[0]):
+        if address not in self._heard_at and not self._has_place(address[0], now_s):
             self.refused += 1
             return False
         self._heard_at[address] = now_s
@@ -66,12 +68,15 @@ class Clients:
         for address in [a for a, heard_at in self._heard_at.items() if now_s - heard_at > CLIENT_SILENT_S]:
             self._forget(address)
 
-    def _has_place(self, host: str) -> bool:
+    def _has_place(self, host: str, now_s: float) -> bool:
         """Return whether there is room for another client of a source address; one of its own may be removed."""
         own = [address for address in self._heard_at if address[0] == host]
         if len(own) >= MAX_CLIENTS_OF_HOST:
-            self._forget(min(own, key=self._heard_at.__getitem__))
-        return len(self._heard_at) < MAX_CLIENTS
+            oldest = min(own, key=self._heard_at.__getitem__)
+            if now_s - self._heard_at[oldest] < YIELDS_AFTER_S:
+                return False
+            self._forget(oldest)
+        return len(self._heard_at) < (MAX_CLIENTS - 1 if own else MAX_CLIENTS)
 
     def _forget(self, address: SocketAddress) -> None:
         del self._heard_at[address]

@@ -7,6 +7,7 @@ from fwav_companion.links.udp_clients import (
     MAX_CLIENTS,
     MAX_CLIENTS_OF_HOST,
     MAX_STRANGERS,
+    YIELDS_AFTER_S,
     Clients,
 )
 
@@ -21,16 +22,45 @@ def test_bytes_alone_subscribe_no_one():
     assert list(clients) == [STATION]
 
 
-def test_a_flood_of_ports_takes_no_place_of_another_address():
+def test_flood_of_ports_takes_no_place_of_another_address():
     clients = Clients()
     clients.on_valid(STATION, 0.0)
     for port in range(500):
         clients.whole_frames(("10.0.0.66", port), bytes(4))
-        clients.on_valid(("10.0.0.66", port), 1.0 + 0.1 * port)
+        clients.on_valid(("10.0.0.66", port), 1.0 + 0.01 * port)
     assert STATION in clients
     assert sum(host == "10.0.0.66" for host, _ in clients) == MAX_CLIENTS_OF_HOST
-    assert ("10.0.0.66", 499) in clients, "of one address the longest silent yields"
-    assert clients.refused == 0
+    assert clients.refused == 500 - MAX_CLIENTS_OF_HOST
+
+
+def test_nine_ports_of_one_address_leave_the_client_that_is_heard_in_its_place():
+    clients, rivals = Clients(), [("10.0.0.1", 20_000 + k) for k in range(9)]
+    served = []
+    for second in range(60):
+        for address in (*rivals, STATION) if second > 5 else (STATION,):
+            clients.on_valid(address, second + (0.0 if address == STATION else 0.5))
+        served.append(STATION in clients)
+    assert all(served)
+    assert [rival in clients for rival in rivals] == [True] * 7 + [False] * 2, "among newcomers the newest waits"
+
+
+def test_silent_client_yields_to_a_newcomer_of_its_own_address_after_ten_seconds():
+    clients = Clients()
+    for port in range(MAX_CLIENTS_OF_HOST):
+        clients.on_valid(("10.0.0.66", port), float(port == 3))
+    late = ("10.0.0.66", 99)
+    assert not clients.on_valid(late, YIELDS_AFTER_S - 0.1)
+    assert clients.on_valid(late, YIELDS_AFTER_S + 0.1)
+    assert ("10.0.0.66", 3) in clients
+    assert len(list(clients)) == MAX_CLIENTS_OF_HOST
+
+
+def test_last_place_is_kept_for_an_address_that_has_none():
+    clients = Clients()
+    for port in range(MAX_CLIENTS):
+        clients.on_valid((f"10.0.0.{port % 2}", port), 0.0)
+    assert len(list(clients)) == MAX_CLIENTS - 1
+    assert clients.on_valid(("10.0.0.9", 14550), 0.0)
 
 
 def test_when_all_places_are_taken_a_stranger_is_refused_until_silence_frees_one():

@@ -144,6 +144,10 @@ def test_a_server_with_two_clients(host: str):
     run(story())
 
 
+PLACES = MAX_CLIENTS - 1
+"""Places of one source address: the last one is kept for another."""
+
+
 def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
     frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
 
@@ -151,14 +155,14 @@ def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
         listener, port = Listener(), free_port()
         with started(f"tcpin://127.0.0.1:{port}", listener) as link:
             await listener.until_up()
-            clients = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(MAX_CLIENTS + 1)]
-            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
+            clients = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(PLACES + 1)]
+            await until(lambda: len(link.status().clients) == PLACES)
             assert await received(clients[-1], 1) == b"", "the one too many is sent away"
             for piece in (frame[:5], frame[5:]):
                 for client in clients[:-1]:
                     client.sendall(piece)
-            await listener.until(lambda: len(listener.data) == MAX_CLIENTS * len(frame))
-            assert listener.data == frame * MAX_CLIENTS
+            await listener.until(lambda: len(listener.data) == PLACES * len(frame))
+            assert listener.data == frame * PLACES
             for client in clients:
                 client.close()
 
@@ -179,8 +183,8 @@ def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(mon
         await listener.until_up()
         with contextlib.ExitStack() as stack:
             connect = lambda: stack.enter_context(socket.create_connection(("127.0.0.1", port), 20))  # noqa: E731
-            silent = [connect() for _ in range(MAX_CLIENTS)]
-            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
+            silent = [connect() for _ in range(PLACES)]
+            await until(lambda: len(link.status().clients) == PLACES)
             assert await received(connect(), 1) == b"", "every client may still send its first frame"
             assert link.status().refused == 1
             assert len(refused) == 1
@@ -193,6 +197,23 @@ def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(mon
             assert await received(genuine, 6) == b"to all"
             assert await received(silent[0], 6) == b"to all"
         link.close()
+
+    run(story())
+
+
+def test_eight_strangers_with_heartbeats_leave_a_place_for_another_address():
+    async def story() -> None:
+        listener, port = Listener(), free_port()
+        with started(f"tcpin://127.0.0.1:{port}", listener) as link, contextlib.ExitStack() as stack:
+            await listener.until_up()
+            for _ in range(PLACES + 1):
+                stack.enter_context(socket.create_connection(("127.0.0.1", port), 20))
+            await until(lambda: link.status().refused == 1)
+            source = ("127.0.0.2", 0)
+            station = stack.enter_context(socket.create_connection(("127.0.0.1", port), 20, source_address=source))
+            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
+            link.send(b"to all")
+            assert await received(station, 6) == b"to all"
 
     run(story())
 

@@ -184,3 +184,23 @@ def test_frames_pass_between_payload_and_autopilot_by_the_routing_rules() -> Non
     assert [name for name, _ in net.feed("mavros", net.mavros.command(1, 1)).forwards] == ["autopilot"]
     answer = net.vehicle.frame("COMMAND_ACK", 400, 0, 0, 0, 1, 240)
     assert [name for name, _ in net.feed("autopilot", answer).forwards] == ["mavros"]
+
+
+@pytest.mark.parametrize("link", ["autopilot", "mavros"])
+@pytest.mark.parametrize("forged_first", [False, True])
+def test_component_heard_on_the_vehicles_links_keeps_its_route_and_its_frames_reach_stations(
+    link: str, forged_first: bool
+) -> None:
+    """A gimbal (1, 154), and one DEBUG frame in its name on a link of ground stations."""
+    net, gimbal, forged = Net(), Wire(1, 154), Wire(1, 154).frame("DEBUG", 1, 0, 0.0)
+    if forged_first:
+        net.feed("ground", forged)
+    for _ in range(3):
+        attitude = gimbal.frame("GIMBAL_DEVICE_ATTITUDE_STATUS", 0, 0, 1, 0, (1.0, 0, 0, 0), 0.0, 0.0, 0.0, 0)
+        forwards = net.feed(link, attitude).forwards
+        assert ("ground", attitude) in forwards
+        assert ("tablet", attitude) in forwards
+        net.feed("ground", forged)
+    command = net.station.frame("COMMAND_LONG", 1, 154, 1000, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert net.feed("ground", command).forwards == [(link, command)]
+    assert net.feed("tablet", Wire(250, 1).frame("COMMAND_LONG", 1, 154, 1000, 0, *[0.0] * 7)).forwards[0][0] == link

@@ -4,7 +4,8 @@
    ours.
 2. To another link: a frame without target system, or for system 0; for another system if that system was heard there;
    for our own system if the target component was heard there, or any component of it if the frame names none.
-3. Never back to the link it came from, nor to one where its sender itself was heard: it would be an echo.
+3. Never back to the link it came from, nor to one where its sender itself was heard: it would be an echo. A sender that
+   is heard on an autopilot or payload link is never heard on a link of ground stations.
 4. Never SETUP_SIGNING, which carries a key. Never to an autopilot's link: RADIO and RADIO_STATUS, which an autopilot
    takes for those of its own radio, and ADSB_VEHICLE, which it would avoid.
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
@@ -207,8 +208,19 @@ class Router:
         return target_system == self.system and (target_component == 0 or target_component in self.components)
 
     def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
-        """Add a new peer on a link; without room for it, return a peer that is in no table."""
+        """Add a new peer on a link; without room for it, return a peer that is in no table.
+
+        On a link of ground stations the same holds for a sender that is heard on an autopilot or payload link: a frame
+        forged there would take the genuine sender's frames from that link, because they would be an echo (rule 3).
+        """
+        sender = frame.system << 8 | frame.component
+        if port.is_gcs and any(sender in other.peers for other in self.ports if not other.is_gcs):
+            return Peer(frame, now)  # the tables, and so all plans, stay as they are
         self.version += 1
+        if not port.is_gcs:
+            for other in self.ports:
+                if other.is_gcs:
+                    self._tables.forget(other.peers, {sender})
         return self._tables.add(port.peers, frame, now)
 
     def stream(self, port: Port, peer: Peer, frame: RawFrame, now: HostNs) -> PeerStream:
