@@ -71,6 +71,8 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
     print()
     for each in (*lines(plan, answer), *wrong_lines(answer.wrong, commands)):
         print(each)
+    if finished.flown and finished.cpu_s:
+        print(f"CPU: {finished.cpu_s / finished.flown:.1f} s a flight, {finished.flown} flights flown now")
     page = study_page(plan, records, answer, finished.environment, notes=notes, commands=commands)
     path = write_page(out / REPORT, page)
     print(path)
@@ -81,7 +83,7 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
 
 def _kept(finished: FinishedStudy) -> str:
     own = sum(record.arm == CONFIGURED for record in finished.records)
-    return f"{own} of {finished.plan.flights} flights are kept; go on with --resume"
+    return f"{own} of {finished.plan.flights} flights are kept; --resume goes on, to the same result"
 
 
 def _duration(seconds: float) -> str:

@@ -13,7 +13,7 @@ from fwav_companion import __version__
 from fwav_companion.cli.study_output import REPORT, ShownProgress
 from fwav_companion.errors import UserError
 from fwav_companion.on_disk import write_page
-from fwav_companion.tools.study.cluster import Workers, WorkersDiedError, decoded, workers
+from fwav_companion.tools.study.cluster import SchedulerLostError, Workers, WorkersDiedError, decoded, workers
 from fwav_companion.tools.study.keys import CLAIM, FLIGHT, TRUTH, parse_setting
 from fwav_companion.tools.study.paired_settings import compared
 from fwav_companion.tools.study.recorded_flights import RecordedWorker, recorded_flights, replay_on_worker
@@ -49,8 +49,9 @@ def _replayed(
         for result in flying.run(replay_on_worker, tasks, RecordedWorker, state):
             records.append(decoded(result, SettingRecord))
             progress.flown()
-    except KeyboardInterrupt:
-        print(f"study: interrupted; {len(records)} of {len(tasks)} replays are compared", file=sys.stderr)
+    except (KeyboardInterrupt, SchedulerLostError) as error:
+        why = str(error) or "interrupted"
+        print(f"study: {why}; {len(records)} of {len(tasks)} replays are compared", file=sys.stderr)
     return sorted(records, key=lambda record: (record.flight, record.setting))
 
 

@@ -51,6 +51,9 @@ class InlineWorkers:
         self.work = work
         self.tasks = []
 
+    def cpu_s(self):
+        return 0.0
+
     def run(self, job, tasks, make, arguments):
         state = make(*arguments)
         for task in tasks:

@@ -12,6 +12,7 @@ from fwav_companion.tools.report.wording import REASONS, length, spaced
 from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer
 from fwav_companion.tools.study.distributions import IntervalEstimate
+from fwav_companion.tools.study.flight_draw import BIRD_PITCH_DEG
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.study_plan import StudyPlan
@@ -27,8 +28,11 @@ NO_ANSWER: Final = {
     "never_in_view": "The target was in fewer than three pictures: fly closer, higher or longer, or tilt the camera.",
     "not_confirmed": "It was detected too rarely, or detections did not agree: fly longer in view of the target.",
 }
+COPTER: Final = "For a copter: --set flight.flap_deg=0 flight.pitch_deg=0"
 SMALL_M: Final = 0.03
 """Least error of a cause that the tables show, metres."""
+WORTH_SHARE: Final = 0.1
+"""Least improvement for which a cause is worth changing, as a share of the error with it: less is not noticed."""
 WIDTH: Final = 40
 COLUMN: Final = 28
 """Width of a column of values: that of "12.34 m (10.00 to 14.00 m)"."""
@@ -48,6 +52,14 @@ def sentence(plan: StudyPlan, answer: StudyAnswer) -> str:
     return " ".join(part for part in parts if part)
 
 
+def copter_hint(plan: StudyPlan, answer: StudyAnswer) -> str:
+    """How to fly a copter; "" where the flights did not flap, or a user chose how they do."""
+    chosen = {key for key, _ in plan.settings} | {each.key for each in plan.variations}
+    if plan.preset or chosen & {"flight.flap_deg", "flight.pitch_deg"} or not answer.configured.flights:
+        return ""
+    return f"The body flaps, at {BIRD_PITCH_DEG:g} degrees of mean pitch where the mount allows it. {COPTER}"
+
+
 def flights_words(plan: StudyPlan) -> str:
     """The flights of a study in words."""
     if plan.preset == "paper":
@@ -65,6 +77,9 @@ def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
     yield from _cause_lines(answer)
     yield from _curve_lines(answer)
     yield from NOTES if plan.preset == "paper" else ()
+    hint = copter_hint(plan, answer)
+    if hint:
+        yield hint
 
 
 def columns(answer: StudyAnswer) -> list[tuple[str, ArmAnswer]]:
@@ -168,6 +183,13 @@ def _paired_words(change_m: IntervalEstimate) -> str:
     return f"the same flight ends {moved(change_m.value)} (median, {length(near)} to {length(far)})"
 
 
+def is_worth_changing(cause: CauseAnswer) -> bool:
+    """Whether the same flights end nearer without this error, beyond chance and by WORTH_SHARE of their error."""
+    if cause.change_m is None or cause.with_m is None:
+        return False
+    return cause.change_m.high < 0.0 and -cause.change_m.value >= WORTH_SHARE * cause.with_m
+
+
 def moved(change_m: float) -> str:
     """A change of the error in words."""
     return f"{length(abs(change_m))} {'nearer' if change_m < 0.0 else 'farther'}"
@@ -193,14 +215,14 @@ def _limit_sentence(answer: StudyAnswer) -> str:
     first = answer.confirmed[0]
     if first.change_m is None or first.without_m is None or first.with_m is None:
         return ""
-    if first.change_m.high < 0.0:
+    if is_worth_changing(first):
         return (
             f"What limits it is {cause_name(first.name)}: flown again without its error, half of the flights end "
             f"within {length(first.without_m)} instead of {length(first.with_m)}."
         )
     return (
         f"No single cause limits it: flown again without the error of {cause_name(first.name)}, half of the flights "
-        f"end within {length(first.without_m)} instead of {length(first.with_m)}, which may be chance."
+        f"end within {length(first.without_m)} instead of {length(first.with_m)}."
     )
 
 
@@ -220,7 +242,7 @@ def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
         yield "the same flights again without one of these errors, in truth and prior:"
     for cause in answer.confirmed:
         yield f"  {cause_name(cause.name)}: {change_words(cause)}"
-    if answer.confirmed and (answer.confirmed[0].change_m or IntervalEstimate(0.0, 0.0, 0.0)).high < 0.0:
+    if answer.confirmed and is_worth_changing(answer.confirmed[0]):
         yield f"change first: {error_cause(answer.confirmed[0].name).remedy}"
 
 

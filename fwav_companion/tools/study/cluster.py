@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import signal
+import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +24,8 @@ import cloudpickle
 import dask
 import msgspec
 from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, as_completed, get_worker
+from distributed.client import FutureCancelledError
+from distributed.comm import CommClosedError
 
 from fwav_companion import __version__
 from fwav_companion.errors import CompanionError, UserError
@@ -67,6 +71,10 @@ result, seconds."""
 
 class WorkersDiedError(CompanionError):
     """A piece of work failed on every worker that tried it."""
+
+
+class SchedulerLostError(CompanionError):
+    """The connection to the scheduler ended, and did not come back within WAIT_S."""
 
 
 class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
@@ -126,8 +134,18 @@ class Workers:
             {name: ", ".join(sorted({each["wheels"][name] for each in facts.values()})) for name in _names(facts)},
         )
 
+    def cpu_s(self) -> float:
+        """CPU time of all workers and their mocks so far, seconds; 0 if they cannot be asked."""
+        try:
+            return float(sum(_of_all(self._client, worker_facts.cpu_seconds).values()))
+        except (CommClosedError, OSError):
+            return 0.0
+
     def run(self, job: Job, tasks: Iterable[Task], make: Callable[..., Any], arguments: Task) -> Iterator[bytes]:
-        """Results of ``job(make(*arguments), *task)`` as they finish. WorkersDiedError, or the job's own UserError."""
+        """Results of ``job(make(*arguments), *task)`` as they finish.
+
+        WorkersDiedError, SchedulerLostError, or the job's own UserError.
+        """
         plugin = JobPlugin(f"fwav-{os.urandom(8).hex()}", make, arguments)
         self._client.register_plugin(plugin)
         waiting = iter(tasks)
@@ -140,6 +158,8 @@ class Workers:
                 future.release()
                 for task in islice(waiting, 1):
                     submitted.add(self._submitted(plugin.name, job, task))
+        except (CommClosedError, FutureCancelledError):  # by the call that meets it first
+            raise SchedulerLostError("the scheduler is gone") from None
         finally:
             with suppress(Exception):  # the cluster may be gone
                 self._client.cancel(list(submitted.futures))
@@ -170,8 +190,7 @@ class Workers:
 @contextmanager
 def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
     """Workers of the scheduler at this address, else of a local cluster with one worker a core. UserError."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
+    _silence("distributed", "asyncio")
     with dask.config.set(SETTINGS), ExitStack() as opened:
         if scheduler:
             client = opened.enter_context(_connected(scheduler))
@@ -180,6 +199,13 @@ def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
             client = opened.enter_context(Client(cluster, set_as_default=False))
             client.register_plugin(InterruptPlugin())
         yield Workers(client)
+
+
+def _silence(*packages: str) -> None:
+    """Let these packages log nothing: what a user must know is an error of this module. Dask sets levels of its own."""
+    for name in [*packages, *logging.root.manager.loggerDict]:
+        if name.partition(".")[0] in packages:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextmanager
@@ -206,8 +232,13 @@ def _local(count: int) -> Iterator[LocalCluster]:
 @contextmanager
 def _connected(scheduler: str) -> Iterator[Client]:
     accepted = "accepted: the address of a running Dask scheduler, as tcp://192.168.1.20:8786"
-    if not scheduler.startswith(("tcp://", "tls://")):
+    address = re.fullmatch(r"(?:tcp|tls)://(\[[^\]]+\]|[^:/]+):(\d{1,5})", scheduler)
+    if address is None or int(address[2]) > 65535:
         raise UserError(f"--scheduler {scheduler}: {accepted}")
+    try:
+        socket.getaddrinfo(address[1].strip("[]"), int(address[2]))
+    except (OSError, UnicodeError) as error:
+        raise UserError(f"--scheduler {scheduler}: {getattr(error, 'strerror', None) or error}; {accepted}") from None
     try:
         client = Client(scheduler, timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -223,16 +254,22 @@ def _connected(scheduler: str) -> Iterator[Client]:
 
 def _facts(client: Client) -> dict[str, dict[str, Any]]:
     """Facts about each worker, by its address. UserError if one has another version of this package, or lacks it."""
-    cloudpickle.register_pickle_by_value(worker_facts)
-    try:
-        facts: dict[str, dict[str, Any]] = client.run(worker_facts.worker_facts)
-    finally:
-        cloudpickle.unregister_pickle_by_value(worker_facts)
+    facts: dict[str, dict[str, Any]] = _of_all(client, worker_facts.worker_facts)
     for address, each in facts.items():
         if each["package"] != __version__:
             has = f"fwav-companion {each['package']}" if each["package"] else "no fwav-companion"
             raise UserError(f"worker {address} has {has}; accepted: {__version__}, as here")
     return facts
+
+
+def _of_all(client: Client, question: Callable[[], Any]) -> dict[str, Any]:
+    """The answers of all workers by their addresses. The question is sent by value: a worker may lack this package."""
+    cloudpickle.register_pickle_by_value(worker_facts)
+    try:
+        answers: dict[str, Any] = client.run(question)
+    finally:
+        cloudpickle.unregister_pickle_by_value(worker_facts)
+    return answers
 
 
 def _names(facts: dict[str, dict[str, Any]]) -> list[str]:

@@ -11,7 +11,7 @@ import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import made_folder
-from fwav_companion.tools.study.cluster import Workers, decoded
+from fwav_companion.tools.study.cluster import SchedulerLostError, Workers, decoded
 from fwav_companion.tools.study.flight_draw import CONFIGURED
 from fwav_companion.tools.study.flight_ranking import (
     configured_tasks,
@@ -59,12 +59,21 @@ class FinishedStudy(msgspec.Struct, frozen=True, kw_only=True):
     """False after Ctrl-C, and where the disk was full."""
     trouble: str = ""
     """Why it ended early."""
+    flown: int = 0
+    """Flights of this run, without those of an earlier one."""
+    cpu_s: float = 0.0
+    """CPU time of the workers for them, seconds; 0 where it is not known."""
 
 
 def run_study(
     plan: StudyPlan, out: Path, workers: Workers, progress: StudyProgress, *, resume: bool = False
 ) -> FinishedStudy:
-    """Fly the flights that are missing, and write the file. InputFileError if the folder cannot be written."""
+    """Fly the flights that are missing, and write the file.
+
+    InputFileError if the folder cannot be written, or has flights and ``resume`` is false.
+    """
+    if not resume:
+        _require_no_flights(out)
     known = earlier_records(plan, out) if resume else []
     try:
         made_folder(out)
@@ -72,6 +81,13 @@ def run_study(
     except OSError as error:
         raise InputFileError(f"{error.filename or out}: {error.strerror}; accepted: a folder to write to") from None
     return StudyRun(plan, workers, progress, known).run(out, journal)
+
+
+def _require_no_flights(out: Path) -> None:
+    """InputFileError if the folder has the flights of an earlier study, which a new one would replace."""
+    for path in (out / FILE, out / JOURNAL):
+        if path.exists():
+            raise InputFileError(f"{path}: flights of an earlier study; accepted: --resume, or another --out")
 
 
 def earlier_records(plan: StudyPlan, out: Path) -> list[FlightRecord]:
@@ -103,6 +119,7 @@ class StudyRun:
     def run(self, out: Path, journal: FlightJournal) -> FinishedStudy:
         """Fly, and write the file, also after Ctrl-C and with a full disk."""
         environment, not_written = self._workers.environment, "the study crashed"
+        known, cpu_before_s = len(self._records), self._workers.cpu_s()
         try:
             trouble = self._trouble_of(lambda: self._fly_all(journal), journal.path)
             not_written = self._trouble_of(
@@ -116,6 +133,8 @@ class StudyRun:
             records=ordered(self._records),
             is_complete=not (trouble or not_written),
             trouble=trouble or not_written,
+            flown=len(self._records) - known,
+            cpu_s=max(0.0, self._workers.cpu_s() - cpu_before_s),
         )
 
     def _trouble_of(self, work: Callable[[], None], path: Path) -> str:
@@ -124,6 +143,8 @@ class StudyRun:
             work()
         except KeyboardInterrupt:
             return "interrupted"
+        except SchedulerLostError as error:
+            return str(error)
         except OSError as error:
             return f"{error.filename or path}: {error.strerror}"
         return ""

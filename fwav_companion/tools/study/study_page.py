@@ -15,6 +15,7 @@ from fwav_companion.tools.study.answer_text import (
     cause_name,
     change_words,
     columns,
+    copter_hint,
     flights_words,
     interval,
     no_answer_words,
@@ -86,6 +87,8 @@ def _summary(plan: StudyPlan, answer: StudyAnswer, notes: Sequence[str]) -> str:
     own = answer.configured
     words = f'<p class="lead also">{escape(sentence(plan, answer))}</p>'
     words += "".join(f'<p class="lead off">{escape(note)}</p>' for note in notes)
+    hint = copter_hint(plan, answer)
+    words += f"<p>{escape(hint)}</p>" if hint else ""
     cards = [(f"{own.answered} / {own.flights}", "flights with an answer")]
     if own.errors is not None:
         cards += [

@@ -28,3 +28,19 @@ def worker_facts() -> dict[str, object]:
     except OSError:
         pass
     return {"package": package, "wheels": wheels, "processor": processor}
+
+
+def cpu_seconds() -> float:
+    """CPU time of this worker and its mocks so far, those that have ended included, seconds."""
+    from importlib import import_module
+
+    psutil = import_module("psutil")  # comes with Dask, wherever a worker runs
+
+    total = 0.0
+    for process in (psutil.Process(), *psutil.Process().children(recursive=True)):
+        try:
+            times = process.cpu_times()
+        except psutil.NoSuchProcess:
+            continue
+        total += times.user + times.system + times.children_user + times.children_system
+    return total

@@ -329,3 +329,53 @@ def test_work_that_kills_every_worker_is_one_line():
 
 def test_a_result_is_decoded_as_the_record_that_was_encoded():
     assert decoded(invented(None, 3, "twice"), FlightRecord).index == 3
+
+
+def test_study_over_an_earlier_result_is_refused_unless_it_resumes(cluster, tmp_path):
+    plan = make_plan(flights=2)
+    first = run_study(plan, tmp_path, cluster, Quiet())
+    assert first.flown == len(first.records) >= 2
+    content = (tmp_path / FILE).read_bytes()
+    with pytest.raises(UserError, match=r"flights of an earlier study; accepted: --resume, or another --out"):
+        run_study(make_plan(flights=2, seed=9), tmp_path, cluster, Quiet())
+    assert (tmp_path / FILE).read_bytes() == content
+    assert run_study(plan, tmp_path, cluster, Quiet(), resume=True).flown == 0
+
+
+def test_study_counts_the_cpu_of_its_workers_and_their_mocks(cluster, tmp_path):
+    finished = run_study(make_plan(flights=2), tmp_path, cluster, Quiet())
+    assert 0.01 < finished.cpu_s / finished.flown < 60.0
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1", "127.0.0.1:8786", "tcp://127.0.0.1:99999", "tcp://:8786"])
+def test_scheduler_address_without_a_host_or_port_is_refused_at_once(address):
+    with pytest.raises(UserError, match=r"accepted: the address of a running Dask scheduler"), workers(address):
+        pass
+
+
+def test_scheduler_host_that_does_not_exist_is_named_as_such():
+    address = "tcp://no-such-host.invalid:8786"
+    with pytest.raises(UserError, match=r"invalid:8786: .*(not known|resolution)"), workers(address):
+        pass
+
+
+@pytest.mark.slow
+def test_scheduler_that_dies_midway_is_one_line_and_the_study_resumes_to_the_same_bytes(tmp_path):
+    plan = make_plan(flights=6)
+    with workers(count=1) as connected:
+        run_study(plan, tmp_path / "calm", connected, Quiet())
+
+    class Killing(Quiet):
+        def flown(self):
+            super().flown()
+            if self.count == 2:
+                connected._client.cluster.scheduler.stop()
+                connected._client.cluster.sync(connected._client.cluster.scheduler.close)
+
+    with workers(count=1) as connected:
+        finished = run_study(plan, tmp_path / "lost", connected, Killing())
+    assert finished.trouble == "the scheduler is gone"
+    assert not finished.is_complete
+    with workers(count=1) as connected:
+        run_study(plan, tmp_path / "lost", connected, Quiet(), resume=True)
+    assert (tmp_path / "calm" / FILE).read_bytes() == (tmp_path / "lost" / FILE).read_bytes()
