@@ -23,7 +23,8 @@ EXAMPLES = """examples:
 KEY is a key of the configuration, in dots: both what is drawn and what is claimed; truth.KEY only what is drawn,
 claim.KEY only what is claimed. Or one of the flight: flight.height_m, radius_m, speed_m_s, pitch_deg, flap_hz,
 flap_deg, wind_m_s, miss_rate. Without them the body flaps, at 37 degrees of mean pitch: for a copter
---set flight.flap_deg=0 flight.pitch_deg=0. A scheduler executes what it is sent: use --scheduler in trusted networks only."""
+--set flight.flap_deg=0 flight.pitch_deg=0. A scheduler executes what it is sent: use --scheduler in trusted networks
+only."""
 PATTERNS = ("eight", "hover", "orbit", "survey", "straight")
 MOST_FLIGHTS = 1_000_000
 LONGEST_S = 3600.0

@@ -60,20 +60,22 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
     sync_s: float = 1.0
     """Longest time whose data a power cut loses, seconds."""
     space: SpacePolicy = SpacePolicy(4096 * BYTES_PER_MB, 200 * BYTES_PER_MB, False)
-    retry_s: float = 10.0
+    retry_s: float = 5.0
     """Interval at which a stopped recording tests whether it can continue, seconds."""
     extra_files: Mapping[str, bytes] = {}
     """Small files that are stored with every recording, by name: configuration, camera."""
 
 
-def has_room(plan: RecordingPlan, count: int) -> bool:
-    """Whether the limits and the disk permit this number of bytes. At most the directory is created."""
+def lack_of_room(plan: RecordingPlan, count: int) -> str:
+    """Why the limits or the disk do not permit this number of bytes; "" if they do. At most the directory is made."""
     try:
         plan.directory.mkdir(parents=True, exist_ok=True)
         # A file system that is mounted read-only has room, too.
-        return os.access(plan.directory, os.W_OK | os.X_OK) and Space(plan.directory, plan.space).has_room(count)
-    except OSError:
-        return False
+        if not os.access(plan.directory, os.W_OK | os.X_OK):
+            return f"{plan.directory}: may not be written"
+        return Space(plan.directory, plan.space).lack(count)
+    except OSError as error:
+        return f"{error.filename or plan.directory}: {error.strerror or error}"
 
 
 class RecordingFiles:
@@ -226,9 +228,9 @@ class Space:
         self._used += count
         return removed
 
-    def has_room(self, count: int) -> bool:
-        """Whether the bytes fit without removing a recording."""
-        return self._complaint(count) is None
+    def lack(self, count: int) -> str:
+        """Why the bytes do not fit without removing a recording; "" if they fit."""
+        return self._complaint(count) or ""
 
     def _complaint(self, count: int, *, for_picture: bool = False) -> str | None:
         policy = self._policy
@@ -244,6 +246,8 @@ class Space:
         if free - count < least_free_bytes:
             least = policy.least_free_bytes // BYTES_PER_MB
             limit = f", {least} MB must stay free ([record] min_free_mb)" if least else ": the disk is full"
+            if count >= BYTES_PER_MB and free >= least_free_bytes:  # asked before it goes on, not for one record
+                limit = f", {(least_free_bytes + count) // BYTES_PER_MB} are needed to go on"
             return f"{free / BYTES_PER_MB:.1f} MB are free{limit}"
         return None
 

@@ -17,7 +17,7 @@ from fwav_companion.recording.folder import (
     RecordingFiles,
     RecordingPlan,
     SpaceError,
-    has_room,
+    lack_of_room,
 )
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.spans import BeginSpan, PictureRecord, SpanRecord, Spans, Step
@@ -176,9 +176,15 @@ class Recorder:
         return self.failure is not None
 
     def _wait_for_room(self) -> bool:
-        """Wait until the recording can continue (True) or until the recorder is closed (False)."""
+        """Wait until the recording can continue (True) or until the recorder is closed (False).
+
+        Meanwhile the failure says what is missing now: figures of the stop would be wrong after room has come back.
+        """
         while not self._stop.wait(self._plan.retry_s):
-            if has_room(self._plan, ROOM_TO_GO_ON_BYTES):
+            lack = lack_of_room(self._plan, ROOM_TO_GO_ON_BYTES)
+            if lack:
+                self.failure = f"recording stopped: {lack}"
+            else:
                 self._begins_anew, self.failure = True, None
                 self._on_news(f"recording continues in {self._plan.directory}")
                 return True

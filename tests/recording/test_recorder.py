@@ -18,7 +18,7 @@ from fwav_companion.recording.folder import (
     Space,
     SpaceError,
     SpacePolicy,
-    has_room,
+    lack_of_room,
     new_folder,
     recordings,
 )
@@ -192,7 +192,7 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
         time.sleep(0.001)
     free_blocks[0] = 1_000
     time.sleep(0.05)  # space for a second or two is not enough
-    assert recorder.failure is not None
+    assert recorder.failure == "recording stopped: 4.1 MB are free, 20 are needed to go on"
     free_blocks[0] = 1_000_000
     while recorder.failure is not None:
         time.sleep(0.001)
@@ -209,9 +209,9 @@ def test_a_directory_that_may_not_be_written_does_not_look_like_room(tmp_path, m
     """As an existing directory on a card that the system mounted read-only: it has free bytes, too."""
     may = [False]
     monkeypatch.setattr(folder_module.os, "access", lambda _path, _mode: may[0])
-    assert not has_room(plan(tmp_path), 1)
+    assert "may not be written" in lack_of_room(plan(tmp_path), 1)
     may[0] = True
-    assert has_room(plan(tmp_path), 1)
+    assert lack_of_room(plan(tmp_path), 1) == ""
 
 
 def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):
