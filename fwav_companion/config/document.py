@@ -24,6 +24,7 @@ from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors, StandingTarget
+from fwav_companion.types.secrets import redacted, secrets_of
 from fwav_companion.vision.source_names import SourceKind, source_kind
 from fwav_companion.vision.task import KeptPicturesRule, VisionTask
 
@@ -158,7 +159,7 @@ class Config(Document, frozen=True, kw_only=True):
             )
 
     def as_builtins(self) -> dict[str, Any]:
-        """Every key with its value, for a recording's header; independent of the file's path."""
-        tree: dict[str, Any] = msgspec.to_builtins(self)
+        """Every key with its value, passwords and tokens redacted; independent of the file's path."""
+        tree: dict[str, Any] = redacted(msgspec.to_builtins(self), dict(secrets_of(self)))
         del tree["file"]
         return tree

@@ -7,6 +7,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from fwav_companion.types.secrets import SecretUrl
+
 FLEET_NAME = r"^[A-Za-z0-9_.-]{1,64}$"
 FleetWord = Annotated[str, Meta(pattern=FLEET_NAME, description="letters, digits, _ . -")]
 
@@ -18,10 +20,10 @@ class FleetTable(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the fleet: vehicles of one name share."""
     vehicle: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]{0,64}$", description="letters, digits, _ . -")] = ""
     """Name of this vehicle, unique in the fleet; "": the MAVLink system id."""
-    connect: tuple[str, ...] = ()
+    connect: tuple[SecretUrl, ...] = ()
     """Zenoh endpoints to connect to, for example "tcp/10.0.0.1:7447"; retried while they are not there. One: a router
     or a program that listens. Several: programs that listen; nothing passes through routers then."""
-    listen: tuple[str, ...] = ()
+    listen: tuple[SecretUrl, ...] = ()
     """Zenoh endpoints to listen on."""
     scouting: bool = False
     """Whether peers are searched by multicast on the local network."""

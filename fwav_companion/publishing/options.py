@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.geometry.vectors import ZERO3, Vector3
+from fwav_companion.types.secrets import SecretUrl
 
 
 class PublishTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,7 +44,7 @@ class PublishTable(msgspec.Struct, frozen=True, kw_only=True):
     """Rate of Cursor on Target, hertz."""
     cot_stale_s: Annotated[float, Meta(gt=0)] = 10.0
     """Validity of a Cursor on Target event, seconds."""
-    video_uri: str = ""
+    video_uri: SecretUrl = ""
     """Video stream reported to ground stations, so that they offer tracking on the picture; "": no stream."""
     video_delay_s: Annotated[float, Meta(ge=0, le=30)] = 0.3
     """Delay of the picture that the operator clicks, seconds."""

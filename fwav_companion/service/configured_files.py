@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 
 from fwav_companion.camera import Calibration, parse_calibration
-from fwav_companion.config import Config, load
+from fwav_companion.config import Config, load, parse
 from fwav_companion.errors import ConfigError, InputFileError
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content, opened
+from fwav_companion.types.secrets import secrets_of
 
 LARGEST_BYTES = 1 << 20
 """Largest size of a calibration file: it has some hundred bytes; a file of a megabyte is another file."""
@@ -39,14 +40,27 @@ def load_elevation(config: Config) -> tuple[ElevationTile, ...]:
 
 
 def recorded_extra_files(config: Config) -> dict[str, bytes]:
-    """The present configuration and camera file, by the names under which a recording stores them."""
+    """The present configuration, redacted, and camera file, by the names under which a recording stores them."""
     if not config.record.directory:
         return {}
     paths = [Path(config.file), *([config.calibration_path] if config.localizes else [])]
     try:
-        return {path.name: content(path) for path in paths}
+        files = {path.name: content(path) for path in paths}
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a readable file") from None
+    return {**files, paths[0].name: _redacted(files[paths[0].name].decode("utf-8-sig"), config).encode()}
+
+
+def _redacted(text: str, config: Config) -> str:
+    """The text of a configuration without its passwords and tokens. ConfigError if one of them cannot be found."""
+    for secret, shown in secrets_of(config):
+        text = text.replace(secret, shown)
+    if any(secrets_of(parse(text, config.file))):
+        raise ConfigError(
+            f"{config.file}: a password or token is written with escapes, so that the recording's copy would show it; "
+            "accepted: its plain characters"
+        )
+    return text
 
 
 def recorded_configuration(folder: Path) -> tuple[str, list[str]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fwav_companion.config import Config
 from fwav_companion.types import Notice, Severity
+from fwav_companion.vision.task import shown_source
 from fwav_companion.vision.wall_clock import ClockStep
 
 log = logging.getLogger("fwav_companion")
@@ -70,7 +71,7 @@ class ServiceLog:
 
     def pictures_seen(self, works: bool, why: str) -> None:
         """Log that the vision process has pictures, or has none."""
-        source = self._config.vision.source if self._config.vision is not None else ""
+        source = shown_source(self._config.vision) if self._config.vision is not None else ""
         if works:
             log.info("pictures arrive from %s", source)
         else:

@@ -24,7 +24,7 @@ from fwav_companion.types.status import VisionReport
 from fwav_companion.types.track_marks import MARKS_QUESTION
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
-from fwav_companion.vision.task import KEPT_PICTURE, KeptPicturesRule, VisionState, VisionTask
+from fwav_companion.vision.task import KEPT_PICTURE, KeptPicturesRule, VisionOrders, VisionState, VisionTask
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 LIVED_LONG_S = 60.0
@@ -84,11 +84,10 @@ class VisionProcess:
         the desk gets as JPEG.
         """
         self._command = worker_command(task.python)
-        self._task_json = msgspec.json.encode(task).decode()
+        self._orders = msgspec.json.encode(VisionOrders(task, kept))
         self._ears = ears
         self._on_state = on_state
         self._desk = desk
-        self._kept_json = msgspec.json.encode(kept).decode()
         self._started: Started | None = None
         self._ended = asyncio.Event()
         self._heard_s = 0.0
@@ -158,12 +157,13 @@ class VisionProcess:
             ours.setblocking(False)
             try:
                 process = subprocess.Popen(  # noqa: S603  # our own interpreter and module
-                    [*self._command, str(theirs.fileno()), self._task_json, self._kept_json],
+                    [*self._command, str(theirs.fileno())],
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     env={**os.environ, **ENVIRONMENT},
                 )
+                ours.send(self._orders)  # not on the command line, which every user of the board can read
             except OSError:
                 ours.close()
                 raise

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.types import DeliveryReport
+from fwav_companion.types.secrets import SecretPath, SecretUrl, redacted_url
 
 ArucoDictionary: TypeAlias = Annotated[
     str,
@@ -36,7 +37,7 @@ MOST_THREADS = 64
 class VisionTask(msgspec.Struct, frozen=True):
     """[vision]: if present, this service opens a camera and detects targets itself."""
 
-    source: Annotated[str, Meta(min_length=1)] = "libcamera:0"
+    source: Annotated[SecretUrl, Meta(min_length=1)] = "libcamera:0"
     """libcamera:N, /dev/videoN, rtsp://, udp://, or the path of a .sdp file, of a video, of a folder or of a named pipe
     of images with stamps. Paths are absolute in a task, and relative to the file in a configuration."""
     size: tuple[SidePx, ...] = ()
@@ -77,8 +78,22 @@ class VisionTask(msgspec.Struct, frozen=True):
     both are UTC."""
     track_clicks: bool = True
     """Whether an operator's click on anything starts a tracker of that patch."""
-    preview: str = ""
+    preview: SecretPath = ""
     """HOST:PORT at which a browser sees the pictures; "": nowhere."""
+
+
+def shown_source(task: VisionTask) -> str:
+    """The source in a form for logs and reports."""
+    return redacted_url(task.source)
+
+
+class VisionOrders(msgspec.Struct, frozen=True):
+    """The first message to the vision process: what it does until its end. The task may have a password and a token."""
+
+    task: VisionTask
+    """What to open, and how to detect."""
+    kept: KeptPicturesRule
+    """Which pictures to send as JPEG."""
 
 
 class VisionState(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""``python -m fwav_companion.vision.worker FD TASK KEPT``: a camera and a detector in a process of their own.
+"""``python -m fwav_companion.vision.worker FD``: a camera and a detector in a process of their own.
 
 It sends detections over the inherited socket in the wire format, its state in between, and the pictures that a
 recording keeps. A camera that hangs blocks this process and not the daemon, which then ends it and starts another.
@@ -13,13 +13,14 @@ import threading
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
 from pathlib import Path
 
 import cv2
 import msgspec
 
+from fwav_companion.types.secrets import secrets_of
 from fwav_companion.types.track_marks import MARKS_ANSWER
 from fwav_companion.vision.click_watch import ClickWatch
 from fwav_companion.vision.delivery import DeliveredPicture, DeliveryMeter
@@ -38,7 +39,7 @@ from fwav_companion.vision.picture_keeper import PictureKeeper
 from fwav_companion.vision.preview import Preview
 from fwav_companion.vision.preview_address import parse_preview
 from fwav_companion.vision.sources import open_source
-from fwav_companion.vision.task import KeptPicturesRule, VisionState, VisionTask
+from fwav_companion.vision.task import VisionOrders, VisionState, VisionTask
 
 SIGN_OF_LIFE_S = 2.0
 """Longest time between two messages while nothing hangs."""
@@ -49,6 +50,8 @@ RETRY_S = 1.0
 LOOK_STEP_PX = 8
 """Every eighth pixel of every eighth row distinguishes one picture from the next: 5 kB of 640x480."""
 LARGEST_MESSAGE = 65536
+LARGEST_ORDERS = 1 << 20
+"""Most bytes of the first message: a model may have ten thousand labels."""
 MOST_MESSAGES = 64
 """Most messages of the daemon that are kept for the detector: two seconds with one message a picture."""
 FROZEN = "the camera repeats one picture; power it off and on"
@@ -59,7 +62,9 @@ _encode = msgspec.json.Encoder().encode
 class DaemonSocket:
     """The socket to the daemon. The process ends with the daemon, however that ended."""
 
-    def __init__(self, sock: socket.socket) -> None:
+    def __init__(self, sock: socket.socket, hidden: Mapping[str, str]) -> None:
+        """``hidden``: texts with passwords, and what stands for them in states: libraries quote the URL in errors."""
+        self._hidden = hidden
         self._socket = sock
         self._messages: deque[bytes] = deque(maxlen=MOST_MESSAGES)
         self._heard = threading.Event()
@@ -77,7 +82,10 @@ class DaemonSocket:
 
     def report(self, state: VisionState) -> None:
         """Send the state."""
-        self._socket.send(_encode(state))
+        why = state.why
+        for text, shown in self._hidden.items():
+            why = why.replace(text, shown)
+        self._socket.send(_encode(msgspec.structs.replace(state, why=why)))
 
     def messages(self, timeout_s: float = 0.0) -> list[bytes]:
         """The daemon's messages since the last call, the oldest first; waits at most this long for one."""
@@ -103,15 +111,17 @@ class DaemonSocket:
 def main() -> None:
     """Detect until the daemon closes its end of the socket."""
     _offer_to_oom_killer()
-    daemon = DaemonSocket(socket.socket(fileno=int(sys.argv[1])))
-    task = msgspec.json.decode(sys.argv[2], type=VisionTask)
+    sock = socket.socket(fileno=int(sys.argv[1]))
+    orders = msgspec.json.decode(sock.recv(LARGEST_ORDERS), type=VisionOrders)
+    task = orders.task
+    daemon = DaemonSocket(sock, hidden=dict(secrets_of(task)))
     cv2.setNumThreads(task.threads)  # leaves the other cores of a small board to the flight
     try:
         detector, address = make_detector(task), parse_preview(task.preview)
         preview = None if address is None else Preview(address, daemon.send)
         if preview is not None:
             daemon.on_marks = preview.on_marks
-        keeper = PictureKeeper(msgspec.json.decode(sys.argv[3], type=KeptPicturesRule), daemon.send_file)
+        keeper = PictureKeeper(orders.kept, daemon.send_file)
         while True:
             try:
                 Watch(daemon, task, detector, keeper, preview=preview).watch()

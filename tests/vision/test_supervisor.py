@@ -5,6 +5,7 @@ import json
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -248,3 +249,29 @@ def test_the_process_ends_with_a_daemon_that_was_killed(tmp_path: Path):
             return
         threading.Event().wait(0.05)
     pytest.fail("the vision process outlived its daemon")
+
+
+def command_line(pid: int) -> str:
+    """What every user of the machine can read of a process."""
+    return Path(f"/proc/{pid}/cmdline").read_text()
+
+
+def test_passwords_are_neither_on_the_command_line_nor_in_what_the_process_reports(quick):
+    """A stream on a port without a server: the library quotes the whole URL in its error."""
+    url = "rtsp://pilot:p4ssw0rd@127.0.0.1:9/live"
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+
+    async def watch() -> tuple[str, str]:
+        daemon = Daemon(VisionTask(url, detector="none", preview=f"127.0.0.1:{port}/t0ken"))
+        daemon.process.start()
+        await daemon.until(lambda: any("127.0.0.1:9" in why for _, why in daemon.states))
+        line = command_line(daemon.process.status().pid)
+        daemon.process.close()
+        return line, daemon.states[-1][1]
+
+    line, why = asyncio.run(watch())
+    assert "fwav_companion.vision.worker" in line
+    assert [text for text in ("p4ssw0rd", "t0ken", "rtsp") if text in line] == []
+    assert "p4ssw0rd" not in why

@@ -15,6 +15,7 @@ from fwav_companion.mount_points import missing_mount
 from fwav_companion.service.latest_file import state_path
 from fwav_companion.tools.doctor.board_files import BoardFiles, group_of, is_there, port_holders, text_of
 from fwav_companion.tools.doctor.evidence import Board, Device, Folder, Power, SerialPort
+from fwav_companion.vision.task import shown_source
 
 VCGENCMD_S: Final = 2.0
 UNDERVOLTAGE_NOW, THROTTLED_NOW, UNDERVOLTAGE_SEEN = 1 << 0, 1 << 2, 1 << 16
@@ -110,7 +111,7 @@ class Probe:
     # Cameras and supply.
 
     def _cameras(self, config: Config) -> Iterator[Device]:
-        source = config.vision.source if config.vision is not None else ""
+        source = shown_source(config.vision) if config.vision is not None else ""
         if source.startswith("/dev/"):
             yield self._camera(source)
         elif source.startswith("libcamera:"):

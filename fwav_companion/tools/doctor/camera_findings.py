@@ -9,6 +9,7 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.types import NoRay
 from fwav_companion.types.status import RunStatus
+from fwav_companion.vision.task import shown_source
 
 STALE_S: Final = 2.0
 """Longest time without a frame, seconds. The slowest cameras in use give five frames a second."""
@@ -107,7 +108,7 @@ def _hgt_name(lat: float, lon: float) -> str:
 
 def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     config, intake = evidence.config, status.intake
-    camera = config.vision.source if config.vision else ""
+    camera = shown_source(config.vision) if config.vision else ""
     where = config.detections.url or camera
     if status.vision is not None and not status.vision.works:
         if status.vision.why or status.up_s >= FIRST_FRAME_S:

@@ -25,6 +25,7 @@ from fwav_companion.tools.shake.instructions import Instruction, Instructor, Sha
 from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import Corners, Detection, Frame, Message, NoFrame, Reason, Unpaired
 from fwav_companion.types.status import RunStatus
+from fwav_companion.vision.task import shown_source
 
 KEPT_S: Final = 120.0
 """Length of the attitude history, seconds: longer than a person shakes."""
@@ -197,7 +198,7 @@ def _closed(status: RunStatus, config: Config) -> str:
     if status.intake.why:
         return f"detections ({config.detections.url}): {status.intake.why}; does another program use it?"
     if status.vision is not None and status.vision.why:
-        return f"camera ({config.vision.source if config.vision else ''}): {status.vision.why}"
+        return f"camera ({shown_source(config.vision) if config.vision else ''}): {status.vision.why}"
     return ""
 
 
