@@ -47,7 +47,7 @@ class AccessRules(msgspec.Struct, frozen=True, kw_only=True):
         if headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
             return "requests of another site are not answered"
         given = query_token or cookie
-        if self.token and not hmac.compare_digest(given.encode(), self.token.encode()):
+        if self.token and not hmac.compare_digest(given.encode(errors="replace"), self.token.encode()):
             return "the token is missing or wrong: use the address that the program printed"
         return None
 

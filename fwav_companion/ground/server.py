@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import time
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from mimetypes import guess_type
@@ -13,6 +15,7 @@ from aiohttp import web
 
 from fwav_companion.errors import UserError
 from fwav_companion.ground.access import COOKIE, SECURITY_HEADERS, AccessRules
+from fwav_companion.ground.connections import QuietLog, WaitingConnections
 from fwav_companion.ground.exports import cot_events, csv_table, geojson, kml, one_document
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.tiles import TileFile, TilesInfo
@@ -78,6 +81,8 @@ class PageServer:
         self._encoder = msgspec.json.Encoder()
         self._encoded: dict[int, tuple[int, bytes]] = {}
         self._runner: web.AppRunner | None = None
+        self._waiting: WaitingConnections | None = None
+        self._sweeping: asyncio.Task[None] | None = None
 
     @property
     def clients(self) -> int:
@@ -95,8 +100,9 @@ class PageServer:
         application.router.add_get("/export/{kind}", self._export)
         application.router.add_get("/tiles/{zoom:\\d+}/{column:\\d+}/{row:\\d+}", self._tile)
         self._runner = web.AppRunner(
-            application, access_log=None, max_line_size=MAX_HEADER_BYTES, max_field_size=MAX_HEADER_BYTES,
-            shutdown_timeout=0.5, handle_signals=False,
+            application, access_log=None, logger=QuietLog(logging.getLogger("fwav_companion.ground")),
+            max_line_size=MAX_HEADER_BYTES, max_field_size=MAX_HEADER_BYTES, shutdown_timeout=0.5,
+            handle_signals=False,
         )  # fmt: skip
         await self._runner.setup()
         try:
@@ -104,15 +110,22 @@ class PageServer:
         except OSError as error:
             where = f"--http {self._rules.host}:{self._rules.port}"
             raise UserError(f"{where}: {error.strerror}; accepted: a free port of this machine") from None
+        if self._runner.server is not None:
+            self._waiting = WaitingConnections(self._runner.server, time.monotonic)
+            self._sweeping = asyncio.create_task(self._waiting.keep_sweeping(), name="waiting connections")
 
     async def close(self) -> None:
         """End every connection."""
+        if self._sweeping is not None:
+            self._sweeping.cancel()
         if self._runner is not None:
             await self._runner.cleanup()
 
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Answer, or refuse by the access rules; every answer has the security headers."""
+        if self._waiting is not None:
+            self._waiting.on_request(request)
         token = request.query.get("token", "")
         refusal = self._rules.refusal(request.headers, token, request.cookies.get(COOKIE, ""))
         if refusal is not None:

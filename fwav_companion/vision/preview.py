@@ -26,6 +26,8 @@ _log = logging.getLogger(__name__)
 INTERVAL_S = 0.2
 """Shortest interval of pictures, seconds: at most five a second."""
 MOST_WATCHERS = 4
+MOST_CONNECTIONS = 8
+"""Most connections, each with a thread, before and after their requests: a browser opens one or two in advance."""
 SEND_S = 5.0
 """Longest time for a browser to take a picture; then it is disconnected."""
 WAIT_S = 2.0
@@ -124,6 +126,21 @@ class _Server(ThreadingHTTPServer):
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
         super().__init__(address, handler)
+        self._connections = threading.BoundedSemaphore(MOST_CONNECTIONS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a connection in a thread of its own; close it where there are MOST_CONNECTIONS already."""
+        if self._connections.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a connection to its end."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._connections.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore a browser that went away."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import http.client
 import json
+import logging
+import socket
 import sqlite3
 import threading
 import time
@@ -16,8 +18,9 @@ from processes import free_port
 pytest.importorskip("aiohttp")
 
 from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.ground import connections
 from fwav_companion.ground import server as limits
-from fwav_companion.ground.access import AccessRules
+from fwav_companion.ground.access import COOKIE, AccessRules
 from fwav_companion.ground.ground_process import GroundOptions, GroundProcess
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.tiles import TileFile
@@ -207,3 +210,74 @@ def test_a_taken_port_is_one_line(port, picture):
     process = GroundProcess(picture, [], options, clock=time.time)
     with pytest.raises(UserError, match="accepted: a free port"):
         asyncio.run(process.run(asyncio.Event(), lambda: None))
+
+
+def waiting(port: int, count: int) -> list[socket.socket]:
+    """Connections with half a request each."""
+    opened = [socket.create_connection(("127.0.0.1", port), 20.0) for _ in range(count)]
+    for each in opened:
+        each.sendall(b"GET / HTTP/1.1\r\nHost: ")
+    return opened
+
+
+def test_server_closes_connections_without_a_request_and_the_newest_of_too_many(picture, monkeypatch):
+    monkeypatch.setattr(connections, "REQUEST_S", 1.0)
+    with served(picture) as port:
+        opened = waiting(port, connections.MOST_WAITING + 20)
+        for each in opened[connections.MOST_WAITING :]:
+            assert each.recv(1) == b"", "closed at the next sweep"
+        assert get(port, "/")[0] == 200, "a page that is opened meanwhile is served"
+        for each in opened:
+            assert each.recv(1) == b""
+            each.close()
+
+
+def test_server_keeps_a_page_that_reads_for_longer_than_a_request_may_take(picture, monkeypatch):
+    monkeypatch.setattr(connections, "REQUEST_S", 0.2)
+    with served(picture) as port, socket.create_connection(("127.0.0.1", port), 20.0) as page:
+        page.sendall(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+        received = b""
+        for _ in range(3):
+            time.sleep(0.3)
+            received += page.recv(65536)
+        assert received.startswith(b"HTTP/1.1 200")
+        assert received.count(b"data:") >= 2
+
+
+@pytest.mark.parametrize(
+    "cookie", [b"\xff\xfe", b"\xed\xa0\x80", "fwav=\xe4".encode("latin-1")], ids=["bytes", "surrogate", "latin-1"]
+)
+def test_cookie_of_invalid_bytes_is_refused_as_a_wrong_token(picture, cookie):
+    with served(picture, token="t" * 16) as port, socket.create_connection(("127.0.0.1", port), 20.0) as stranger:
+        head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nCookie: {COOKIE}=".encode()
+        stranger.sendall(head + cookie + b"\r\nConnection: close\r\n\r\n")
+        assert b" 403 " in stranger.recv(4096)
+
+
+def test_errors_of_the_library_are_one_short_line_a_second_with_the_number_left_out(caplog, monkeypatch):
+    seconds = [100.0]
+    monkeypatch.setattr(connections.time, "monotonic", lambda: seconds[0])
+    log = connections.QuietLog(logging.getLogger("fwav_companion.ground"))
+    for number in range(30):
+        seconds[0] += 0.1
+        try:
+            raise ValueError(f"Bad status line {number}\n" + 500 * "x")
+        except ValueError as error:
+            log.exception("Error handling request from %s", "10.0.0.9", exc_info=error)
+    assert len(caplog.records) == 3
+    assert all(record.exc_info is None and len(record.getMessage()) < 200 for record in caplog.records)
+    assert caplog.records[0].getMessage().startswith("ground: bad request: Bad status line 0 xxx")
+    assert caplog.records[1].getMessage().endswith("(10 more)")
+
+
+def test_bad_requests_write_no_traceback(picture, caplog):
+    with served(picture) as port, caplog.at_level("INFO"):
+        for request in (
+            b"\x16\x03\x01 nonsense \xff\r\n\r\n",
+            b"GET / HTTP/9.9\r\n\r\n",
+            b"GET / HTTP/1.1\r\n: x\r\n\r\n",
+        ):
+            with socket.create_connection(("127.0.0.1", port), 20.0) as stranger:
+                stranger.sendall(request)
+                assert stranger.recv(4096)[:12] in (b"HTTP/1.0 400", b"HTTP/1.1 400", b"HTTP/1.1 505")
+    assert [record for record in caplog.records if record.exc_info is not None] == []

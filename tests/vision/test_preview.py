@@ -16,7 +16,7 @@ import pytest
 from fwav_companion.types.track_marks import MARKS_QUESTION, TrackMark, TrackMarks
 from fwav_companion.vision import preview as module
 from fwav_companion.vision.images import Picture
-from fwav_companion.vision.preview import Preview
+from fwav_companion.vision.preview import MOST_CONNECTIONS, Preview
 from fwav_companion.vision.preview_address import PreviewAddress, parse_preview
 from fwav_companion.vision.preview_drawing import drawn, ellipse_axes
 
@@ -151,6 +151,23 @@ def test_only_a_few_may_look(preview):
     assert response.status == 503
     for each, _ in [*connections, (connection, response)]:
         each.close()
+
+
+def test_half_requests_take_no_more_threads_than_connections_are_allowed(preview):
+    before = threading.active_count()
+    opened = [socket.create_connection(("127.0.0.1", preview.port), 10) for _ in range(40)]
+    for each in opened:
+        each.sendall(b"GET /")
+    for each in opened[MOST_CONNECTIONS:]:
+        assert each.recv(1) == b"", "closed without a thread"
+    assert threading.active_count() - before <= MOST_CONNECTIONS
+    for each in opened:
+        each.close()
+    deadline = time.monotonic() + 20.0
+    while threading.active_count() > before:
+        assert time.monotonic() < deadline, "a hang"
+        time.sleep(0.01)
+    assert looking(preview)[1].status == 200
 
 
 def test_a_browser_that_takes_nothing_delays_no_detection(preview):
