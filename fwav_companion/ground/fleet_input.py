@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from fwav_companion.fleet.bus import BusPlace, FleetBus
@@ -15,7 +16,7 @@ class FleetInput:
     def __init__(self, place: BusPlace, picture: GroundPicture, *, clock: Callable[[], float]) -> None:
         self._picture, self._clock = picture, clock
         self._name = f"fleet {place.name}"
-        self._fleet = FleetPicture(picture)
+        self._fleet = FleetPicture(picture, time.thread_time)
         self._bus = FleetBus(place, self._on_state)
         self._bus.subscribe(self._on_message, self._on_alive)
 

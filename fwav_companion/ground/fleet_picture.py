@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from math import isfinite
 
 import numpy as np
@@ -18,6 +19,8 @@ from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, Reported
 from fwav_companion.ground.picture import GroundPicture, targets_of
 from fwav_companion.ground.views import TargetView
 
+TURN_S = 0.02
+"""CPU time of a turn, seconds, after which a step waits for the next call."""
 STEP_S = 0.5
 USED_BIASES = {"position_north": 0, "position_east": 1, "heading": 2}
 """Columns of the fusion by the name of a bias; the effects of all other biases count as noise."""
@@ -31,8 +34,10 @@ WARNING, NOTICE = 4, 5
 class FleetPicture:
     """Takes messages, steps the fusion, and keeps the picture up to date."""
 
-    def __init__(self, picture: GroundPicture) -> None:
-        self._picture = picture
+    def __init__(self, picture: GroundPicture, cpu_s: Callable[[], float] = lambda: 0.0) -> None:
+        """``cpu_s``: CPU time of the caller's thread, seconds, by which a step ends its turn."""
+        self._picture, self._cpu_s = picture, cpu_s
+        self._running: Generator[None] | None = None
         self._intake = FleetIntake()
         self._fusion = FleetFusion()
         self._plane: TangentPlane | None = None
@@ -58,11 +63,20 @@ class FleetPicture:
             self._picture.say(vehicle, "left the fleet, or its network was cut", now, severity=WARNING)
 
     def step(self, now: float) -> list[bytes] | None:
-        """Fuse and show the result twice a second; returns the message to publish, None between two steps."""
-        if now < self._due_unix:
-            return None
-        self._due_unix = now + STEP_S
-        self._fusion.step(now)
+        """Fuse and show the result twice a second; returns the message to publish, None between two steps.
+
+        A step goes on at the next call where it has taken TURN_S of this one: meanwhile the page is served.
+        """
+        if self._running is None:
+            if now < self._due_unix:
+                return None
+            self._due_unix = now + STEP_S
+            self._running = self._fusion.slices(now)
+        ends_s = self._cpu_s() + TURN_S
+        for _ in self._running:
+            if self._cpu_s() >= ends_s:
+                return None
+        self._running = None
         for vehicle, text in self._intake.take_texts():
             self._picture.say(vehicle, text, now, severity=WARNING)
         for vehicle, text, warning in self._fusion.take_report().texts:

@@ -10,7 +10,7 @@ from draws import first_of
 from simulated_fleet import START, STEP_S, FleetOptions, SimulatedFleet
 
 from fwav_companion.ground.fusion.bias_solution import intersection_weights, solve
-from fwav_companion.ground.fusion.fleet_fusion import FRESH_S, MAX_TRACKS, FleetFusion
+from fwav_companion.ground.fusion.fleet_fusion import FRESH_S, MAX_TRACKS, MOST_NEW_TRACKS, FleetFusion
 from fwav_companion.ground.fusion.registration import registered
 from fwav_companion.ground.fusion.reported_tracks import ReportedTrack
 
@@ -236,3 +236,57 @@ def test_the_tracks_of_one_vehicle_are_bounded():
     fusion = FleetFusion()
     fusion.on_tracks("1", [track(at, (30.0 * at, 0.0)) for at in range(1000)], SIGMAS, START)
     assert len(fusion.vehicles["1"].tracks) == MAX_TRACKS
+
+
+def crowd(vehicles: int, targets: int, fusion: FleetFusion, now: float) -> None:
+    """Every vehicle reports the same persons, all within half a metre."""
+    draw = np.random.default_rng(8)
+    places = draw.uniform(-0.25, 0.25, (targets, 2))
+    for name in map(str, range(vehicles)):
+        noise = draw.normal(0.0, 0.1, (targets, 2))
+        fusion.on_tracks(name, [track(k, places[k] + noise[k], vehicle=name) for k in range(targets)], SIGMAS, now)
+
+
+def test_step_in_slices_gives_what_a_whole_step_gives():
+    whole, sliced = FleetFusion(), FleetFusion()
+    for step in range(3):
+        now = START + step * STEP_S
+        for fusion in (whole, sliced):
+            crowd(4, 12, fusion, now)
+        whole.step(now)
+        pauses = sum(1 for _ in sliced.slices(now))
+        assert pauses >= 4, "one for each vehicle at least"
+    assert [each.members for each in sliced.targets] == [each.members for each in whole.targets]
+    assert len(whole.targets) == 12, "twelve tracks of one vehicle are twelve persons"
+
+
+def test_report_that_comes_within_a_step_counts_after_it():
+    fusion = FleetFusion()
+    crowd(2, 3, fusion, START)
+    slices = fusion.slices(START)
+    next(slices)
+    fusion.on_tracks("0", [], SIGMAS, START)
+    for _ in slices:
+        pass
+    assert len(fusion.targets) == 3
+    assert fusion.vehicles["0"].tracks == {}
+    fusion.step(START + STEP_S)
+    assert all("0" not in each.members for each in fusion.targets)
+
+
+def test_overload_leaves_the_oldest_reports_for_a_later_step_and_says_so_once():
+    fusion, vehicles, targets = FleetFusion(), 20, 64
+    now = START
+    crowd(vehicles, targets, fusion, now)
+    for at, vehicle in enumerate(fusion.vehicles.values()):
+        vehicle.heard_unix = now - 0.01 * at
+    fusion.step(now)
+    ((name, text, warning),) = fusion.take_report().texts
+    members = {member for target in fusion.targets for member in target.members}
+    assert members == {str(at) for at in range(MOST_NEW_TRACKS // targets)}, "the newest reports"
+    assert name not in members
+    assert warning
+    assert text.startswith("the fusion is overloaded: 256 tracks of 4 vehicles wait")
+    fusion.step(now + STEP_S)
+    assert {member for target in fusion.targets for member in target.members} == set(map(str, range(vehicles)))
+    assert fusion.take_report().texts == []

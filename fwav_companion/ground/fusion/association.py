@@ -7,14 +7,14 @@ then each further track is associated with the nearest target within the gate of
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Mapping, Sequence
 
 import numpy as np
 
 from fwav_companion.ground.fusion.fused_targets import FusedTarget, TargetBooks
+from fwav_companion.ground.fusion.place_index import PlaceIndex, nis
 from fwav_companion.ground.fusion.registration import registered
-from fwav_companion.ground.fusion.reported_tracks import Array, ReportedTrack, ReportingVehicle
+from fwav_companion.ground.fusion.reported_tracks import Array, Indices, ReportedTrack, ReportingVehicle
 
 GATE = 13.82
 """NIS with 2 degrees of freedom that 1 of 1000 true pairs exceeds."""
@@ -25,49 +25,17 @@ RELEASE_STEPS = 4
 MERGE_GATE = 9.21
 """NIS that 1 of 100 true pairs exceeds: within it, two targets without a common vehicle are merged, if each is the
 other's nearest."""
-CELL_M = 25.0
-"""Side of a cell in the index of places, metres; a gate is not wider."""
+SPARE = 8
+"""Nearest targets of a track that are considered beyond the number of its vehicle's tracks: these may have taken the
+nearest ones."""
+NEIGHBOURS = 16
+"""Nearest targets with which a target may be merged."""
 PATTERN = 2
 """Least number of tracks without a target for which a vehicle is registered as a pattern."""
 TOLERANCE_SIGMAS = 3.0
 
 
-class PlaceIndex:
-    """Targets by cell and label."""
-
-    def __init__(self, targets: Iterable[FusedTarget]) -> None:
-        self._cells: dict[tuple[str, int, int], list[FusedTarget]] = defaultdict(list)
-        for target in targets:
-            self.add(target)
-
-    def add(self, target: FusedTarget) -> None:
-        """Add a target at its position."""
-        self._cells[self._cell(target.label, target.position)].append(target)
-
-    def near(self, label: str, position: Array, cells: int = 1) -> list[FusedTarget]:
-        """Targets of this label within ``cells`` cells."""
-        _, row, column = self._cell(label, position)
-        around = range(-cells, cells + 1)
-        found: list[FusedTarget] = []
-        for north in around:
-            for east in around:
-                found += self._cells.get((label, row + north, column + east), ())
-        return found
-
-    @staticmethod
-    def _cell(label: str, position: Array) -> tuple[str, int, int]:
-        return (label, int(position[0] // CELL_M), int(position[1] // CELL_M))
-
-
-def nis(difference: Array, cov: Array) -> float:
-    """Normalised square of a difference, 2 degrees of freedom."""
-    (a, b), (_, d) = cov
-    determinant = a * d - b * b
-    x, y = difference
-    return float((d * x * x - 2.0 * b * x * y + a * y * y) / determinant)
-
-
-def release(books: TargetBooks, vehicles: dict[str, ReportingVehicle], now: float) -> None:
+def release(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> None:
     """Remove from the targets the tracks that have ended, or that have disagreed for RELEASE_STEPS."""
     for key, target_id in list(books.of_track.items()):
         vehicle = vehicles.get(key[0])
@@ -78,55 +46,66 @@ def release(books: TargetBooks, vehicles: dict[str, ReportingVehicle], now: floa
         target = books.targets[target_id]
         if len(target.members) < 2:
             continue
-        apart = nis(vehicle.corrected(track, now) - target.position, vehicle.spread(track) + target.cov)
+        apart = float(nis(vehicle.corrected(track, now) - target.position, vehicle.spread(track) + target.cov))
         steps = target.apart.get(key[0], 0) + 1 if apart > RELEASE_GATE else 0
         target.apart[key[0]] = steps
         if steps >= RELEASE_STEPS:
             books.leave(*key)
 
 
-def associate(books: TargetBooks, vehicle: ReportingVehicle, index: PlaceIndex, now: float) -> None:
-    """Associate each confirmed track without a target with an existing target, or initiate a new one."""
+def associate(
+    books: TargetBooks, vehicle: ReportingVehicle, index: PlaceIndex, now: float, most: int | None = None
+) -> int:
+    """Associate each confirmed track without a target with an existing target, or initiate a new one.
+
+    ``most``: number of tracks that are associated now; the others wait. Returns the number of those that wait.
+    """
     waiting = [track for track in vehicle.tracks.values() if track.confirmed and track.key not in books.of_track]
+    left = 0 if most is None else max(0, len(waiting) - most)
+    waiting = waiting[: len(waiting) - left]
     if not waiting:
-        return
+        return left
+    positions = np.array([vehicle.corrected(track, now) for track in waiting])  # (n, 2)
+    spreads = np.array([vehicle.spread(track) for track in waiting])  # (n, 2, 2)
+    rows, near = _near(vehicle, waiting, positions, index)
     shift = np.zeros(2)
     if len(waiting) >= PATTERN and 2 * len(waiting) > len(vehicle.tracks):
-        shift = _pattern_shift(vehicle, waiting, index, now)
-    pairs = sorted(
-        (
-            (apart, position, target.id)
-            for position, track in enumerate(waiting)
-            for apart, target in _candidates(vehicle, track, index, shift=shift, now=now)
-        ),
-    )
+        shift = _pattern_shift(waiting, positions, spreads, near)
     taken: set[int] = set()
-    for _, position, target_id in pairs:
-        track, target = waiting[position], books.targets.get(target_id)
-        if position in taken or target is None or vehicle.name in target.members:
+    for position, target in _gated(positions, spreads, rows=rows, near=near, shift=shift):
+        if position in taken or vehicle.name in target.members:
             continue
         taken.add(position)
-        books.join(target, vehicle.name, track.track)
+        books.join(target, vehicle.name, waiting[position].track)
     for position, track in enumerate(waiting):
         if position not in taken:
             target = books.new(track.label, now)
-            target.position, target.cov = vehicle.corrected(track, now), vehicle.spread(track)
+            target.position, target.cov = positions[position], spreads[position]
             books.join(target, vehicle.name, track.track)
             index.add(target)
+    return left
 
 
-def merge_targets(books: TargetBooks) -> None:
-    """Merge targets with one label and without a common vehicle that are each other's nearest within the gate."""
+def merge_targets(books: TargetBooks) -> Generator[None]:
+    """Merge targets with one label and without a common vehicle that are each other's nearest within the gate.
+
+    It pauses after each label.
+    """
     index = PlaceIndex(books.targets.values())
     nearest: dict[int, int] = {}
-    for target in books.targets.values():
-        best = MERGE_GATE
-        for other in index.near(target.label, target.position):
-            if other is target or not target.members.keys().isdisjoint(other.members):
-                continue
-            apart = nis(target.position - other.position, target.cov + other.cov)
-            if apart < best:
-                best, nearest[target.id] = apart, other.id
+    for label in dict.fromkeys(target.label for target in books.targets.values()):
+        own = [target for target in books.targets.values() if target.label == label]
+        positions, covs = np.array([each.position for each in own]), np.array([each.cov for each in own])
+        rows, others = index.near(label, positions, most=NEIGHBOURS + 1)
+        apart = nis(
+            positions[rows] - np.array([each.position for each in others]).reshape(-1, 2),
+            covs[rows] + np.array([each.cov for each in others]).reshape(-1, 2, 2),
+        )
+        for pair in np.flatnonzero(apart < MERGE_GATE)[np.argsort(apart[apart < MERGE_GATE], kind="stable")]:
+            target, other = own[rows[pair]], others[int(pair)]
+            if other is not target and target.members.keys().isdisjoint(other.members):
+                nearest.setdefault(target.id, other.id)
+        yield
     for target_id, other_id in nearest.items():
         kept, gone = books.targets.get(target_id), books.targets.get(other_id)
         if kept is None or gone is None or nearest.get(other_id) != target_id or kept.id > gone.id:
@@ -134,31 +113,42 @@ def merge_targets(books: TargetBooks) -> None:
         books.merge(kept, gone)
 
 
-def _candidates(
-    vehicle: ReportingVehicle, track: ReportedTrack, index: PlaceIndex, *, shift: Array, now: float
-) -> list[tuple[float, FusedTarget]]:
-    """Targets within the gate, with their distance from the track's place after the pattern's shift."""
-    position, spread = vehicle.corrected(track, now), vehicle.spread(track)
-    found = []
-    for target in index.near(track.label, position):
-        if vehicle.name in target.members:
-            continue
-        cov = spread + target.cov
-        if nis(position - target.position, cov) <= GATE:
-            found.append((nis(position - shift - target.position, cov), target))
-    return found
+def _near(
+    vehicle: ReportingVehicle, waiting: Sequence[ReportedTrack], positions: Array, index: PlaceIndex
+) -> tuple[Indices, list[FusedTarget]]:
+    """Index of the track, and target, of each pair of one label within reach; not targets that the vehicle sees."""
+    rows: list[Indices] = []
+    near: list[FusedTarget] = []
+    for label in dict.fromkeys(track.label for track in waiting):
+        own = np.array([at for at, track in enumerate(waiting) if track.label == label])
+        of_label, found = index.near(label, positions[own], most=len(vehicle.tracks) + SPARE)
+        free = [at for at, target in enumerate(found) if vehicle.name not in target.members]
+        rows.append(own[of_label[free]])
+        near += [found[at] for at in free]
+    return np.concatenate(rows), near
 
 
-def _pattern_shift(vehicle: ReportingVehicle, waiting: Sequence[ReportedTrack], index: PlaceIndex, now: float) -> Array:
+def _gated(
+    positions: Array, spreads: Array, *, rows: Indices, near: Sequence[FusedTarget], shift: Array
+) -> list[tuple[int, FusedTarget]]:
+    """Index of the track, and target, of each pair within the gate, the likeliest after the pattern's shift first."""
+    if not near:
+        return []
+    apart = positions[rows] - np.array([target.position for target in near])  # (pairs, 2)
+    covs = spreads[rows] + np.array([target.cov for target in near])  # (pairs, 2, 2)
+    inside = np.flatnonzero(nis(apart, covs) <= GATE)
+    ids = np.array([near[int(at)].id for at in inside], np.intp)
+    order = np.lexsort((ids, rows[inside], nis(apart[inside] - shift, covs[inside])))
+    return [(int(rows[at]), near[int(at)]) for at in inside[order]]
+
+
+def _pattern_shift(
+    waiting: Sequence[ReportedTrack], positions: Array, spreads: Array, near: Sequence[FusedTarget]
+) -> Array:
     """Shift of the vehicle's pattern; zero if it exceeds what the biases allow, or if no two tracks agree on it."""
-    near: dict[int, FusedTarget] = {}
-    for track in waiting:
-        for target in index.near(track.label, vehicle.corrected(track, now)):
-            if vehicle.name not in target.members:
-                near[target.id] = target
-    others = list(near.values())
+    others = list({target.id: target for target in near}.values())
     shift = registered(
-        np.array([vehicle.corrected(track, now) for track in waiting]),
+        positions,
         [track.label for track in waiting],
         np.array([target.position for target in others]).reshape(-1, 2),
         [target.label for target in others],
@@ -166,9 +156,8 @@ def _pattern_shift(vehicle: ReportingVehicle, waiting: Sequence[ReportedTrack], 
     )
     if shift is None or shift.votes < PATTERN:
         return np.zeros(2)
-    target = others[shift.pairs[0][1]]
-    spread = vehicle.spread(waiting[shift.pairs[0][0]]) + target.cov
-    return shift.metres if nis(shift.metres, spread) <= GATE else np.zeros(2)
+    row, column = shift.pairs[0]
+    return shift.metres if nis(shift.metres, spreads[row] + others[column].cov) <= GATE else np.zeros(2)
 
 
 def tolerance_m(tracks: Sequence[ReportedTrack]) -> float:

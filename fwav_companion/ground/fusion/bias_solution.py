@@ -19,12 +19,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, Indices, ReportedTrack
 
 SMALLEST_SIGMA = 1e-4
 """Least prior sigma of a bias: keeps the equations regular if a vehicle states no sigma."""
 NOISE_FLOOR_M2 = 0.01**2
+CHUNK = 512
+"""Targets whose covariances are computed at once."""
 
 
 @dataclass(slots=True)
@@ -37,6 +40,19 @@ class BiasSolution:
     biases: Array
     """Estimated biases, one row a vehicle."""
     bias_covs: Array
+
+
+def _blocks(eliminated: sparse.csr_array, bias_cov: Array, count: int) -> Array:
+    """inv(A) B cov(b) B' inv(A) of each target, (T, 2, 2); in chunks, as the dense product of all has gigabytes."""
+    found = np.zeros((count, 2, 2))
+    for first in range(0, count, CHUNK):
+        share = eliminated[2 * first : 2 * min(first + CHUNK, count)]
+        moved = share @ bias_cov  # (2 t, 3 V)
+        even, odd = share[0::2], share[1::2]
+        for i, row in enumerate((even, odd)):
+            for j in range(2):
+                found[first : first + CHUNK, i, j] = np.asarray(row.multiply(moved[j::2]).sum(axis=1)).ravel()
+    return found
 
 
 def intersection_weights(covs: Array, targets: Indices, count: int) -> Array:
@@ -73,9 +89,13 @@ def solve(
     np.add.at(target_sums, targets, weighted)
 
     to_bias = information @ jacobians
-    by_vehicle = np.zeros((target_count, count, 2, BIASES))
-    np.add.at(by_vehicle, (targets, vehicles), to_bias)
-    cross = by_vehicle.transpose(0, 2, 1, 3).reshape(target_count, 2, count * BIASES)
+    # B of all targets below one another, (2 T, 3 V): a target is seen by few vehicles, so it is sparse.
+    rows = (2 * targets[:, None] + np.arange(2))[:, :, None] + np.zeros(BIASES, np.intp)  # (M, 2, 3)
+    columns = (BIASES * vehicles[:, None] + np.arange(BIASES))[:, None, :] + np.zeros((2, 1), np.intp)
+    shape = (2 * target_count, BIASES * count)
+    flat = sparse.csr_array((to_bias.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+    each_target = np.arange(target_count + 1)
+    inverses = sparse.bsr_array((target_spread, each_target[:-1], each_target)).tocsr()
 
     system = np.zeros((count, BIASES, BIASES))
     np.add.at(system, vehicles, jacobians.transpose(0, 2, 1) @ to_bias)
@@ -83,9 +103,8 @@ def solve(
     for index in range(count):
         at = slice(index * BIASES, (index + 1) * BIASES)
         reduced[at, at] = system[index] + np.diag(prior[index])
-    flat = cross.reshape(target_count * 2, count * BIASES)
-    eliminated = (target_spread @ cross).reshape(target_count * 2, count * BIASES)
-    reduced -= flat.T @ eliminated
+    eliminated = sparse.csr_array(inverses @ flat)  # inv(A) B, (2 T, 3 V)
+    reduced -= (flat.T @ eliminated).toarray()
 
     right = np.zeros((count, BIASES))
     np.add.at(right, vehicles, np.einsum("mij,mi->mj", jacobians, weighted))
@@ -93,8 +112,7 @@ def solve(
     bias_cov = np.asarray(np.linalg.inv(reduced), np.float64)
     bias = bias_cov @ right_flat
     places = np.einsum("tij,tj->ti", target_spread, target_sums) - (eliminated @ bias).reshape(target_count, 2)
-    share = eliminated.reshape(target_count, 2, count * BIASES)
-    covs = target_spread + share @ (bias_cov @ share.transpose(0, 2, 1))
+    covs = target_spread + _blocks(eliminated, bias_cov, target_count)
     blocks = bias_cov.reshape(count, BIASES, count, BIASES)
     each = np.arange(count)
     return BiasSolution(places, covs, bias.reshape(count, BIASES), blocks[each, :, each, :])

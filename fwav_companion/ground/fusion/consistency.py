@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fwav_companion.ground.fusion.association import PlaceIndex, tolerance_m
+from fwav_companion.ground.fusion.association import tolerance_m
 from fwav_companion.ground.fusion.fused_targets import FusedTarget
-from fwav_companion.ground.fusion.registration import registered
+from fwav_companion.ground.fusion.place_index import PlaceIndex
+from fwav_companion.ground.fusion.registration import REACH_M, registered
 from fwav_companion.ground.fusion.reported_tracks import Array, ReportingVehicle
 
 WRONG = 18.42
@@ -27,7 +28,8 @@ LEAST_VOTES = 3
 """Least number of tracks that agree on the shift: two agree by chance where targets are dense."""
 LEAST_SHARE = 0.6
 """Share of the vehicle's tracks near others' targets that must agree."""
-CELLS = 2
+NEAREST = 16
+"""Nearest targets of a track that may be the same thing: beyond them the scene is a crowd that decides nothing."""
 
 
 @dataclass(slots=True)
@@ -57,8 +59,9 @@ def shift_of(vehicle: ReportingVehicle, index: PlaceIndex, now: float) -> Vehicl
     """
     tracks = [track for track in vehicle.tracks.values() if track.confirmed]
     near: dict[int, FusedTarget] = {}
-    for track in tracks:
-        for target in index.near(track.label, track.at(now), CELLS):
+    for label in dict.fromkeys(track.label for track in tracks):
+        places = np.array([track.at(now) for track in tracks if track.label == label])
+        for target in index.near(label, places, most=NEAREST, reach_m=REACH_M)[1]:
             if target.members.keys() - {vehicle.name}:
                 near[target.id] = target
     others = list(near.values())

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fwav_companion.ground.fusion import association
-from fwav_companion.ground.fusion.association import PlaceIndex
 from fwav_companion.ground.fusion.bias_solution import SMALLEST_SIGMA, solve
 from fwav_companion.ground.fusion.consistency import RIGHT, WRONG, VehicleShift, shift_of, wrong_by_biases
 from fwav_companion.ground.fusion.fused_targets import FusedTarget, TargetBooks
+from fwav_companion.ground.fusion.place_index import PlaceIndex
 from fwav_companion.ground.fusion.rebuilding import improved
 from fwav_companion.ground.fusion.reported_tracks import Array, ReportedTrack, ReportingVehicle
 
@@ -24,6 +24,8 @@ LOOK_S = 2.0
 """Interval at which each vehicle's shift is examined."""
 REBUILD_S = 5.0
 """Interval at which the association is rebuilt for comparison."""
+MOST_NEW_TRACKS = 1024
+"""Most tracks without a target that one step associates, those of the newest reports first: 0.2 s of work."""
 ADMIT_S = 10.0
 """Time for which a vehicle that was left out must agree before it counts again."""
 
@@ -58,6 +60,10 @@ class FleetFusion:
         self._looked_unix: dict[str, float] = {}
         self._rebuilt_unix = 0.0
         self._report = FusionReport()
+        self._waiting: dict[str, tuple[Sequence[ReportedTrack], Array, float]] = {}
+        """Reports that came within a step, by vehicle."""
+        self._stepping = False
+        self._overloaded = False
 
     @property
     def targets(self) -> list[FusedTarget]:
@@ -65,7 +71,13 @@ class FleetFusion:
         return list(self._books.targets.values())
 
     def on_tracks(self, name: str, tracks: Sequence[ReportedTrack], sigmas: Array, now: float) -> bool:
-        """Replace the tracks of a vehicle; false if there is no room for another vehicle."""
+        """Replace the tracks of a vehicle; false if there is no room for another vehicle.
+
+        Within a step, the report waits for its end; a newer one of the vehicle replaces it.
+        """
+        if self._stepping and name in self.vehicles:
+            self._waiting[name] = (tracks, sigmas, now)
+            return True
         vehicle = self.vehicles.get(name)
         if vehicle is None:
             if len(self.vehicles) >= MAX_VEHICLES:
@@ -83,20 +95,52 @@ class FleetFusion:
 
     def step(self, now: float) -> None:
         """Associate, solve and examine. Called about twice a second."""
+        for _ in self.slices(now):
+            pass
+
+    def slices(self, now: float) -> Generator[None]:
+        """One step in slices of some milliseconds: it pauses after each."""
+        self._stepping = True
+        try:
+            yield from self._step(now)
+        finally:
+            self._stepping = False
+            waiting, self._waiting = self._waiting, {}
+            for name, (tracks, sigmas, heard) in waiting.items():
+                self.on_tracks(name, tracks, sigmas, heard)
+
+    def _step(self, now: float) -> Generator[None]:
         for name in [each.name for each in self.vehicles.values() if now > each.heard_unix + FRESH_S]:
             self._forget(name)
         counting = {name: vehicle for name, vehicle in self.vehicles.items() if name not in self.left_out}
         association.release(self._books, counting, now)
         index = PlaceIndex(self._books.targets.values())
-        for vehicle in counting.values():
-            association.associate(self._books, vehicle, index, now)
+        yield
+        yield from self._associate(counting, index, now)
         self._solve(counting, now)
-        association.merge_targets(self._books)
-        if now >= self._rebuilt_unix + REBUILD_S:
+        yield
+        yield from association.merge_targets(self._books)
+        if now >= self._rebuilt_unix + REBUILD_S and not self._overloaded:
             self._rebuilt_unix = now
-            self._books = improved(self._books, counting, now) or self._books
-        self._examine(counting, now)
+            self._books = (yield from improved(self._books, counting, now)) or self._books
+        yield from self._examine(counting, now)
         self._mark_left_out()
+
+    def _associate(self, counting: dict[str, ReportingVehicle], index: PlaceIndex, now: float) -> Generator[None]:
+        """Associate the tracks without a target, those of the newest reports first, and report those that wait."""
+        left, waiting, behind = MOST_NEW_TRACKS, 0, set[str]()
+        for vehicle in sorted(counting.values(), key=lambda each: (-each.heard_unix, each.name)):
+            known = sum(1 for track in vehicle.tracks if (vehicle.name, track) in self._books.of_track)
+            wait = association.associate(self._books, vehicle, index, now, most=left)
+            associated = sum(1 for track in vehicle.tracks if (vehicle.name, track) in self._books.of_track) - known
+            left, waiting = left - associated, waiting + wait
+            if wait:
+                behind.add(vehicle.name)
+            yield
+        if behind and not self._overloaded:
+            text = f"the fusion is overloaded: {waiting} tracks of {len(behind)} vehicles wait, the oldest reports"
+            self._report.texts.append((min(behind), text, True))
+        self._overloaded = bool(behind)
 
     def _solve(self, counting: dict[str, ReportingVehicle], now: float) -> None:
         """Solve for the positions of all targets, and for the biases of all vehicles with a common target."""
@@ -125,14 +169,14 @@ class FleetFusion:
             target.position, target.cov = solution.targets[index] + middle, solution.target_covs[index]
             _fuse_heights(target, [counting[name].tracks[track] for name, track in target.members.items()])
 
-    def _examine(self, counting: dict[str, ReportingVehicle], now: float) -> None:
-        """Leave out a vehicle that is wrong, and admit one that is right again."""
+    def _examine(self, counting: dict[str, ReportingVehicle], now: float) -> Generator[None]:
+        """Leave out a vehicle that is wrong, and admit one that is right again. It pauses after each vehicle."""
         worst = wrong_by_biases(counting, self.targets)
         if worst is not None:
             bias = counting[worst[0]].bias
             self._leave_out(worst[0], float(np.hypot(bias[0], bias[1])))
         index: PlaceIndex | None = None
-        for name, vehicle in self.vehicles.items():
+        for name, vehicle in list(self.vehicles.items()):
             if now < self._looked_unix.get(name, -LOOK_S) + LOOK_S:
                 continue
             self._looked_unix[name] = now
@@ -143,6 +187,7 @@ class FleetFusion:
                 self._maybe_admit(name, shift, now)
             else:
                 self._on_shift(name, shift)
+            yield
 
     def _on_shift(self, name: str, shift: VehicleShift | None) -> None:
         if shift is None:

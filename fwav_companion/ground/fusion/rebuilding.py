@@ -6,12 +6,13 @@ The rebuilt association replaces the present one if it explains the tracks bette
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 
 import numpy as np
 
-from fwav_companion.ground.fusion.association import PlaceIndex, associate, nis
+from fwav_companion.ground.fusion.association import associate
 from fwav_companion.ground.fusion.fused_targets import TargetBooks
+from fwav_companion.ground.fusion.place_index import PlaceIndex, nis
 from fwav_companion.ground.fusion.reported_tracks import ReportingVehicle
 
 TARGET_COST = 9.21
@@ -20,12 +21,18 @@ BETTER = 5.0
 """Cost by which the rebuilt association must be better."""
 
 
-def improved(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> TargetBooks | None:
-    """The rebuilt association with the present ids; None if the present association is as good."""
+def improved(
+    books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float
+) -> Generator[None, None, TargetBooks | None]:
+    """The rebuilt association with the present ids; None if the present association is as good.
+
+    It pauses after each vehicle.
+    """
     rebuilt = TargetBooks()
     index = PlaceIndex(())
     for vehicle in sorted(vehicles.values(), key=lambda each: (-len(each.tracks), each.name)):
         associate(rebuilt, vehicle, index, now)
+        yield
     if _cost(rebuilt, vehicles, now) > _cost(books, vehicles, now) - BETTER:
         return None
     return books.renamed(rebuilt)
@@ -44,5 +51,5 @@ def _cost(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: flo
             continue
         information = np.linalg.inv(spreads)
         mean = np.linalg.solve(information.sum(axis=0), np.einsum("mij,mj->i", information, places))
-        cost += sum(nis(place - mean, spread) for place, spread in zip(places, spreads, strict=True))
+        cost += float(np.sum(nis(places - mean, spreads)))
     return cost

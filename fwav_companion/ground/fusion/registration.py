@@ -42,7 +42,9 @@ def registered(
         return None
     shifts = positions[:, None, :] - places[None, :, :]
     lengths = np.hypot(shifts[..., 0], shifts[..., 1])
-    same = np.array([[own == other for other in place_labels] for own in labels])
+    codes = {label: code for code, label in enumerate(dict.fromkeys((*labels, *place_labels)))}
+    own, other = (np.array([codes[label] for label in each]) for each in (labels, place_labels))
+    same = own[:, None] == other[None, :]
     tracks, targets = np.nonzero(same & (lengths <= REACH_M))
     if not len(tracks):
         return None
