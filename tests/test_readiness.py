@@ -9,6 +9,8 @@ from draws import first_of
 from flying import Companion, Flight, fly
 from mavlink_wire import Wire
 
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock import scenario, simulate
 
@@ -218,3 +220,50 @@ def test_of_several_autopilots_none_is_adopted_and_only_the_log_says_so():
     assert "(1, 2)" in companion.notices[0]
     assert {(outgoing.name, outgoing.component) for _, outgoing in companion.sent} == {("HEARTBEAT", 191)}
     assert companion.pipeline.identity.system == 1
+
+
+class Copying(Companion):
+    """Gets each picture's detections several times, as from two paths of one detector."""
+
+    def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
+        sent = super().on_frame(frame, now_ns)
+        for _ in range(6):
+            sent = [*sent, *super().on_frame(frame, now_ns)]
+        return sent
+
+
+def test_second_copies_of_pictures_change_neither_readiness_nor_the_rate_of_the_camera():
+    mock = simulate(scenario("default").but({"seconds": 14.0, "autopilot.arms_at_s": None}))
+    companion = Copying(unix_minus_host_s=mock.unix_minus_host_s)
+    for _ in mock.drive(companion):
+        pass
+    assert [code for code in companion.codes if code in NOT_READY] == []
+    (text,) = companion.texts(NoticeCode.READY)
+    camera_hz = float(text.partition("camera ")[2].partition("/s")[0])
+    assert camera_hz == pytest.approx(mock.options.camera.fps, abs=2.0)
+
+
+class Deaf(Companion):
+    """Gets no positions from some instant on: another program has stopped their stream."""
+
+    stopped = False
+    positions = (
+        Scanner(datagrams=True),
+        frozenset(BY_NAME[name].msgid for name in ("GLOBAL_POSITION_INT", "ALTITUDE")),
+    )
+
+    def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
+        scanner, positions = self.positions
+        kept = [frame.data for frame in scanner.feed(data) if not (self.stopped and frame.msgid in positions)]
+        return super().on_bytes(b"".join(kept), now_ns)
+
+
+def test_positions_that_stop_are_not_called_missing_gps():
+    mock = simulate(scenario("default").but({"seconds": 30.0, "autopilot.arms_at_s": None}))
+    companion = Deaf(unix_minus_host_s=mock.unix_minus_host_s)
+    for now_ns, _ in mock.drive(companion):
+        companion.stopped = now_ns > mock.start_host_ns + 12 * S
+    texts = companion.texts(NoticeCode.NOT_READY_NO_POSITION)
+    assert len(texts) == 1
+    assert "stopped" in texts[0]
+    assert "GPS" not in texts[0]

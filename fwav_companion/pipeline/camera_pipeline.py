@@ -51,6 +51,8 @@ from fwav_companion.types.flight_status import LandmarkReport, SightReport
 LONG_AFTER_NS = 60 * NS_PER_S
 """Time by which the clock is advanced at the end of a flight: longer than every wait and window."""
 
+USED_NS = 2 * NS_PER_S
+"""Time after a used picture in which second copies are no reason to be not ready."""
 FOOTPRINT_NS = NS_PER_S
 """Age of the newest picture up to which its footprint is reported as the camera's present one."""
 
@@ -111,6 +113,8 @@ class CameraPipeline:
         self.refused: Reason | None = None
         """Why the newest picture was refused; None where it was used."""
         self._last_frame_ns: HostNs | None = None
+        self._used_ns = HostNs(0)
+        """Time of the last frame that was used."""
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -130,7 +134,6 @@ class CameraPipeline:
     def on_frame(self, frame: Frame, now: HostNs) -> None:
         """Take a frame that arrived; :meth:`take_ready` processes it, perhaps at once."""
         self._target_log.frames += 1
-        self._meter.count("frames", now)
         self._last_frame_ns = now
         self._target_log.detections += len(frame.detections)
         clock = self._telemetry.clock
@@ -183,7 +186,7 @@ class CameraPipeline:
         return self.look.footprint(size, view.host_ns)
 
     def frames_hz(self, now: HostNs) -> float:
-        """Rate of frames, Hz; 0 while no frame arrives."""
+        """Rate of used frames, Hz, without second copies; 0 while none is."""
         return self._meter.rates_hz(now).get("frames", 0.0)
 
     def frame_age_s(self, now: HostNs) -> float:
@@ -253,10 +256,14 @@ class CameraPipeline:
 
     def _process(self, frame: Frame, now: HostNs) -> ProcessedFrame | None:
         paired = self._pairer.pair(frame, self._telemetry)
-        self.refused = paired.reason if isinstance(paired, RefusedFrame) else None
         if isinstance(paired, RefusedFrame):
+            # A second copy of a picture that was used is no trouble; a stamp that stands still is.
+            copied = paired.reason is Reason.DUPLICATE_FRAME and now - self._used_ns < USED_NS
+            self.refused = self.refused if copied else paired.reason
             self._refuse(paired)
             return None
+        self.refused, self._used_ns = None, now
+        self._meter.count("frames", now)
         located = [self._localizer.locate(sighting) for sighting in paired.sightings]
         fixes, unplaced = list[GroundFix](), list[Sighting]()
         for sighting, fix in zip(paired.sightings, located, strict=True):

@@ -39,6 +39,7 @@ REFUSED_FIXES = {
     Reason.WRONG_SIZE: "use the image size of [camera] calibration",
 }
 """Advice for each reason for which a picture is refused."""
+POSITIONS_STOPPED = "positions from the autopilot stopped: another program may have changed their rate"
 ASK_CHECK = "run `fwav-companion check`"
 NO_FIX = {
     Reason.NO_POSITION: (
@@ -91,6 +92,8 @@ class Readiness(msgspec.Struct, frozen=True, kw_only=True):
     """Radius of the 95 % circle of a target straight below, relative to the vehicle, metres."""
     height_m: float | None = None
     """Height of the camera above the ground for that radius, metres."""
+    had_position: bool = False
+    """Whether the autopilot has sent a position before."""
     autopilot_silent: bool = False
     """Whether heartbeats are overdue: the loss of the autopilot may be reported next, and explains the rest."""
 
@@ -118,6 +121,8 @@ def obstacle(readiness: Readiness, reported: NoticeCode | None = None) -> Obstac
         fix = REFUSED_FIXES.get(readiness.refused, ASK_CHECK)
         text = f"pictures are refused ({readiness.refused.value}): {fix}"
         return Obstacle(NoticeCode.NOT_READY_PICTURES_REFUSED, text)
+    if readiness.no_fix is Reason.NO_POSITION and readiness.had_position:
+        return Obstacle(NoticeCode.NOT_READY_NO_POSITION, POSITIONS_STOPPED)
     if readiness.no_fix in NO_FIX:
         return Obstacle(*NO_FIX[readiness.no_fix])
     enough = RECOVERED if reported is NoticeCode.NOT_READY_SLOW_ATTITUDE else SLOW
