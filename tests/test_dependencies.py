@@ -20,7 +20,7 @@ PROJECT = Path(__file__).parents[1]
 OURS = {"fwav_companion", "sitl_mock", "tests"}
 DECLARED = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
 NEED, OPTIONAL = DECLARED["dependencies"], DECLARED["optional-dependencies"]
-RUN_BY_NAME = {"pytest-cov", "pytest-timeout", "pytest-xdist", "import-linter"}
+RUN_BY_NAME = {"hatchling", "pytest-cov", "pytest-timeout", "pytest-xdist", "import-linter"}
 """Plugins and programs of the tests, which no test imports."""
 
 OF_THE_SYSTEM = {"gi", "picamera2"}
