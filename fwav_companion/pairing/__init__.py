@@ -6,12 +6,13 @@ a :class:`PairedFrame` or refuses it. Telemetry is passed in behind the protocol
 
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame, sees_nothing
 from fwav_companion.pairing.pairer import Pairer
-from fwav_companion.pairing.placement import PictureRows, Scaling, scaling_from_size
+from fwav_companion.pairing.placement import LATEST_NS, PictureRows, Scaling, scaling_from_size
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, StampRule
 from fwav_companion.pairing.waiting import WaitingFrames
 
 __all__ = [
+    "LATEST_NS",
     "CameraTiming",
     "CameraView",
     "PairedFrame",

@@ -13,7 +13,7 @@ from fwav_companion.pairing.anchors import anchored
 from fwav_companion.pairing.detection_rays import DetectionRays
 from fwav_companion.pairing.mounted_camera import CapturePose, MountedCamera
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
-from fwav_companion.pairing.placement import FramePlacer, PictureRows, Placement, both_clocks
+from fwav_companion.pairing.placement import LATEST_NS, FramePlacer, PictureRows, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.types import (
@@ -67,13 +67,15 @@ class Pairer:
         min_score: float = 0.0,
         labels: Collection[str] = (),
         standing: Collection[StandingTarget] = (),
+        latest_ns: int = LATEST_NS,
     ) -> None:
+        """``latest_ns``: age of a frame at its arrival beyond which it is refused."""
         self.lens = lens
         self.body_from_camera = body_from_camera
         self._camera = MountedCamera(lens, body_from_camera, lever_arm_m)
         self._rays = DetectionRays(lens, min_score, labels)
         self._rows = RowClock(timing or CameraTiming())
-        self._frames = FramePlacer(lens.image_size, self._rows)
+        self._frames = FramePlacer(lens.image_size, self._rows, latest_ns)
         self._pixel_sigma = (pixel_noise_px, pixel_noise_px)
         self._standing = {target.label: target for target in standing}
         self._last_number = -1

@@ -18,7 +18,8 @@ FUTURE_SLACK_NS = 5_000_000
 FUTURE_SIGMAS = 3.0
 """Largest time of a capture after the arrival: a fixed part, and sigmas of the clock."""
 LATEST_NS = 500_000_000
-"""The reorder window: the age of a frame at its arrival beyond which it cannot be inserted."""
+"""Usual age of a frame at its arrival beyond which it is refused: that of the reorder window, and a check of the stamp,
+since detectors with a wrong clock are more frequent than cameras that are later than this."""
 MOST_ASSUMED_LATE_NS = 300_000_000
 """Largest delay of a stamp that delays a recorded frame's assumed arrival: it leaves time for attitudes and reordering.
 """
@@ -114,10 +115,13 @@ class PictureRows(msgspec.Struct, frozen=True, gc=False):
 class FramePlacer:
     """Places frames in time. It remembers frames to detect duplicates, and gives their stamps to the row clock."""
 
-    __slots__ = ("_image_size", "_rows", "_seen")
+    __slots__ = ("_image_size", "_latest_ns", "_rows", "_seen")
 
-    def __init__(self, image_size: tuple[int, int], rows: RowClock) -> None:
-        """``image_size``: image size of the calibration."""
+    def __init__(self, image_size: tuple[int, int], rows: RowClock, latest_ns: int = LATEST_NS) -> None:
+        """``image_size``: image size of the calibration. ``latest_ns``: age at its arrival beyond which a frame is
+        refused.
+        """
+        self._latest_ns = latest_ns
         self._image_size = image_size
         self._rows = rows
         self._seen: dict[tuple[object, ...], None] = {}
@@ -175,7 +179,7 @@ class FramePlacer:
             return both.reason
         host_ns, boot_ns = both
         if frame.arrival_ns is not None:
-            untimely = _untimely(host_ns, frame.arrival_ns, frame.stamp_clock, clock)
+            untimely = _untimely(host_ns, frame.arrival_ns, frame.stamp_clock, clock, self._latest_ns)
             if untimely is not None:
                 return untimely
         self._seen[key] = None
@@ -197,20 +201,22 @@ def both_clocks(instant_ns: int, stamp_clock: StampClock, clock: TwoClocks) -> t
     return boot_ns if isinstance(boot_ns, Unpaired) else (HostNs(instant_ns), boot_ns)
 
 
-def _untimely(capture_ns: HostNs, arrival_ns: HostNs, stamp_clock: StampClock, clock: TwoClocks) -> Reason | None:
+def _untimely(
+    capture_ns: HostNs, arrival_ns: HostNs, stamp_clock: StampClock, clock: TwoClocks, latest_ns: int
+) -> Reason | None:
     """FROM_THE_FUTURE, TOO_LATE, or None for a capture at a plausible time before the arrival.
 
     NO_CLOCK where a stamp of the autopilot's clock may be in time, and that clock is not known well enough to say so.
     """
     early_ns = capture_ns - arrival_ns
-    if -LATEST_NS <= early_ns <= FUTURE_SLACK_NS:
+    if -latest_ns <= early_ns <= FUTURE_SLACK_NS:
         return None
     # Rare, so the clock is evaluated only here. Near a slip its sigma is larger at the capture than at the arrival.
     sigma_s = max(clock.sigma_s_at(arrival_ns), clock.sigma_s_at(capture_ns))
     doubt_ns = FUTURE_SIGMAS * sigma_s * 1e9
     if early_ns > 0:
         return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + doubt_ns else None
-    by_clock = stamp_clock is StampClock.BOOT and -early_ns <= LATEST_NS + doubt_ns
+    by_clock = stamp_clock is StampClock.BOOT and -early_ns <= latest_ns + doubt_ns
     return Reason.NO_CLOCK if by_clock else Reason.TOO_LATE
 
 

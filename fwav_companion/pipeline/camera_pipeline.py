@@ -44,7 +44,6 @@ from fwav_companion.types import (
     TakeOff,
     Track,
     Unpaired,
-    VehicleState,
 )
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
@@ -58,11 +57,9 @@ FOOTPRINT_NS = NS_PER_S
 
 
 class ProcessedFrame(msgspec.Struct, frozen=True):
-    """All tracks after one processed frame, with the vehicle's state and the camera's projection at its capture."""
+    """All tracks after one processed frame, with the camera's projection at its capture."""
 
     tracks: tuple[Track, ...]
-    state: VehicleState | None
-    """State of the vehicle at the capture of row 0; None where it is unknown."""
     pixel_from_ned: Callable[[Vector3], tuple[float, float] | None] | None
     """Projects a position, NED, to its pixel in the frame's image; None where the camera's pose is unknown."""
 
@@ -294,8 +291,7 @@ class CameraPipeline:
         self._last_view = view
         if self._sightings:
             self._target_log.keep_sightings(view.host_ns, view.frame, sighting_lines(paired, located))
-        state = paired.state if isinstance(paired.state, VehicleState) else None
-        return ProcessedFrame(tracks, state, paired.view.pixel_of if paired.view is not None else None)
+        return ProcessedFrame(tracks, paired.view.pixel_of if paired.view is not None else None)
 
     def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
         for _, reason, _ in paired.refused:

@@ -12,7 +12,7 @@ from fwav_companion.mavlink.client.commands import Commands
 from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.timesync import Timesync
-from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFrame
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
 from fwav_companion.pipeline.target_log import TargetLog
@@ -58,16 +58,14 @@ class Components:
     board: BoardReport | None = None
     """The newest report of the board's load."""
 
-    def situation(self, now: HostNs, seen: ProcessedFrame | None = None) -> Situation:
-        """State of autopilot, vehicle and clock for publishing. ``seen``: the frame that is published."""
-        telemetry, at_capture = self.telemetry, seen.state if seen else None
+    def situation(self, now: HostNs) -> Situation:
+        """State of autopilot, vehicle and clock for publishing."""
+        telemetry = self.telemetry
         return Situation(
             now_ns=now,
             autopilot=self.identity.autopilot,
             plane=telemetry.world.plane,
             newest_state=self._vehicle,
-            at_capture=at_capture,
-            local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
             clock_estimate=partial(telemetry.clock.estimate, now),
             undulation_m=telemetry.undulation_m,
             utc_minus_host_s=self.utc_minus_host_s(),
@@ -157,7 +155,7 @@ class Components:
             telemetry=self.telemetry.status(now),
             sight=None if self.camera is None else self.camera.status(),
             calibration=None if self.camera is None or report is None else self.camera.calibration_news.status(report),
-            publishing=self.publisher.status(),
+            publishing=self.publisher.status(now),
             tracks=self.publisher.track_reports(plane, now),
             footprint=list(self.footprint(now)),
             frames=log.frames,
@@ -191,7 +189,6 @@ def _clock_report(estimate: ClockEstimate) -> ClockReport:
         bound_s=estimate.bound_s,
         round_trip_s=estimate.round_trip_s,
         status=estimate.status.value,
-        doubtful=estimate.doubtful,
     )
 
 

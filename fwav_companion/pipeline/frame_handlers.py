@@ -44,7 +44,7 @@ class FrameHandlers:
         taken = self._camera.frames_taken
         for seen in self._camera.take_ready(now):
             if self._live:
-                situation = self._components.situation(now, seen)
+                situation = self._components.situation(now)
                 publisher = self._components.publisher
                 if self._components.spots is not None:
                     self._components.spots.on_tracks(seen.tracks)

@@ -32,7 +32,7 @@ from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
-from fwav_companion.pairing import Pairer, VehicleSource
+from fwav_companion.pairing import LATEST_NS, Pairer, VehicleSource
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.components import Components
@@ -41,6 +41,7 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
+from fwav_companion.publishing.landing import LATEST_FRAME_NS
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
@@ -111,6 +112,7 @@ def make_pipeline(
         spots=spots,
         locate=None if camera is None else camera.look.locate,
         state_at=telemetry.state_at,
+        local_position_at=telemetry.local_position_at,
     )
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
@@ -159,7 +161,7 @@ def make_camera(
         vehicle,
         make_pairer(config, calibration),
         localizer=Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m),
-        reorder=Reorder(tracker),
+        reorder=Reorder(tracker, LATEST_FRAME_NS) if config.publish.landing_target else Reorder(tracker),
         target_log=target_log,
         sightings=sightings,
         agreement=FixAgreement(config.priors),
@@ -187,6 +189,7 @@ def make_pairer(config: Config, calibration: Calibration) -> Pairer:
         min_score=config.detections.min_score,
         labels=config.detections.labels,
         standing=config.target,
+        latest_ns=LATEST_FRAME_NS if config.publish.landing_target else LATEST_NS,
     )
 
 

@@ -1,258 +1,271 @@
-"""LANDING_TARGET (149), which steers a landing: in the form that the autopilot needs, or withheld for a named reason.
+"""LANDING_TARGET (149), which steers a landing: predicted to one instant, or withheld for a named reason. Pure.
 
-Pure. ArduPilot takes a vector in the vehicle's body axes, and rotates it to the world by the attitude of ``PLND_LAG``
-before the message's arrival. Therefore the vector is given in the body axes of that instant, not of the capture. PX4
-takes a point in its own local frame, which differs from the service's: the target relative to the vehicle at the
-capture is added to PX4's own position at the capture. LOCAL_FRD is never sent: ArduPilot shipped it with the wrong sign
-of yaw.
+The claimed error decides, and nothing else about clock or camera: a target that was confirmed is sent until its last
+fix is 1.5 s old, whether or not the newest frame shows it, and however late that frame came. ArduPilot coasts for 2 s
+itself: 1.5 s leave it half a second, after which it reports the loss and retries.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from enum import StrEnum
-from math import atan2, hypot
-from typing import Any, TypeAlias
+from collections.abc import Callable, Collection
+from math import hypot
 
-from msgspec import structs
-
-from fwav_companion.geometry.rotations import conjugate, exp, multiply, rotate
-from fwav_companion.geometry.stamps import NS_PER_US, BootNs, HostNs, ns_from_s, s_from_ns
-from fwav_companion.geometry.vectors import Vector3, add, norm, scale, subtract, transform
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Vector3, add, norm
 from fwav_companion.publishing import enums
+from fwav_companion.publishing.landing_claim import image_motion_m_s, landing_sigma_m
+from fwav_companion.publishing.landing_reports import LandingReports, Refusal, Withheld
+from fwav_companion.publishing.landing_vector import (
+    StateAt,
+    in_body,
+    instant_of,
+    landing_fields,
+    relative_to_vehicle,
+    state_when_used,
+)
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import seniority, successor
-from fwav_companion.publishing.target_report import larger_sigma
-from fwav_companion.types.messages import Destination, Outgoing
-from fwav_companion.types.sightings import GroundFix, Unpaired
+from fwav_companion.types.flight_status import LandingReport
+from fwav_companion.types.messages import Destination, Notice, Outgoing
+from fwav_companion.types.reasons import Reason
+from fwav_companion.types.sightings import GroundFix
 from fwav_companion.types.situation import AutopilotKind, Situation
 from fwav_companion.types.telemetry import VehicleState
 from fwav_companion.types.tracks import Track, TrackState
-
-StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
-"""Vehicle state at an instant of the autopilot's clock, or the reason why it is not known."""
 
 DEFAULT_LAG_S = 0.02
 """Default of ArduPilot's PLND_LAG, seconds."""
 LEAST_LAG_S, MOST_LAG_S = 0.02, 0.25
 """Limits that ArduPilot sets to PLND_LAG (AC_PrecLand::init), seconds."""
-MAX_BRIDGED_S = 0.1
-"""Longest extrapolation of an attitude by its rates, seconds: half a beat at 5 Hz. Beyond it the extrapolation does not
-hold for a flapping body."""
-LEAST_SIDEWAYS = 1e-6
-"""Horizontal part of a unit ray below which it is only rounding."""
-MAX_AGE_S = 0.5
-"""Greatest age of a frame that steers a landing, seconds."""
+MOST_AGE_S = 1.5
+"""Greatest age of the last fix of a target that is sent, seconds."""
+LATEST_FRAME_NS = 2500 * NS_PER_MS
+"""Age at its arrival up to which a frame is used where it steers a landing: so late a camera keeps its track, and the
+pilot reads how late it is. Attitudes are stored for 3 s, and a frame may wait 0.4 s for them."""
+COAST_NS = 200 * NS_PER_MS
+"""Interval of messages while no frame comes: ArduPilot starts its filter again after a gap of 0.5 s."""
+SILENT_NS = NS_PER_S
+"""Time without a frame after which the lack of frames is the reason."""
+OLDEST_ATTITUDE_S = 0.5
+"""Greatest age of the newest attitude of a PX4, seconds: the slowest stream, 4 Hz, with one loss."""
+UNSEEN = frozenset({Reason.NOT_SEEN, Reason.NOT_SEEN_LONG})
+"""Reasons of a track's end after which its prediction still holds."""
 
-
-class Withheld(StrEnum):
-    """Reasons why a frame gave no LANDING_TARGET."""
-
-    NO_TARGET = "no_target"
-    """No confirmed track of landing_label."""
-    NOT_CONFIRMED = "not_confirmed"
-    """The target is coasting: predicted, not seen."""
-    NO_FIX = "no_fix"
-    """This frame gave the target no fix."""
-    TOO_UNCERTAIN = "too_uncertain"
-    """The larger semi-axis relative to the vehicle is beyond landing_max_sigma_m, or NaN."""
-    LATE_FRAME = "late_frame"
-    """A newer frame has been sent, or this one is older than 0.5 s."""
-    NO_AUTOPILOT = "no_autopilot"
-    UNKNOWN_AUTOPILOT = "unknown_autopilot"
-    """The autopilot is neither ArduPilot nor PX4: its interpretation of the message is unknown."""
-    NO_VEHICLE = "no_vehicle"
-    """The vehicle's state at the instant that the message needs is unknown."""
-    NO_LOCAL_POSITION = "no_local_position"
-    """PX4's own LOCAL_POSITION_NED at the capture is unknown."""
-    CLOCK_IN_DOUBT = "clock_in_doubt"
-    """The autopilot's clock slips or changes its rate: the capture on that clock is too uncertain."""
-    NO_HEIGHT = "no_height"
-    """There is no global position, and the camera's height above the target is unknown."""
+LocalPositionAt = Callable[[BootNs], Vector3 | None]
+"""The autopilot's LOCAL_POSITION_NED at an instant of its clock, metres; None where it is not known."""
 
 
 class Landing:
-    """Chooses the target to land on and keeps it until its track is dropped; clicks do not change it."""
+    """Chooses the target to land on, and sends it until its last fix is too old; clicks do not change it."""
 
-    def __init__(self, options: PublishOptions, state_at: StateAt | None = None):
+    def __init__(
+        self,
+        options: PublishOptions,
+        state_at: StateAt | None = None,
+        local_position_at: LocalPositionAt | None = None,
+        notify: Callable[[Notice], None] | None = None,
+    ):
         self._options = options
         self._state_at = state_at
-        self._target: int | None = None
-        self._last_sent_ns: HostNs | None = None
+        self._local_position_at = local_position_at
+        self._notify = notify
+        self._track: Track | None = None
+        """Newest report of the target, possibly its last one."""
+        self._fix: GroundFix | None = None
+        """Last fix of the target."""
+        self._frame_ns: HostNs | None = None
+        """Capture of the newest frame."""
+        self._frame_came_ns: HostNs | None = None
+        self._sent_usec: int | None = None
+        self._sigma_m: float | None = None
+        self._reports = LandingReports(options.landing_max_sigma_m)
         self.lag_s = DEFAULT_LAG_S
         """The autopilot's PLND_LAG, seconds; the default before it is known."""
         self.sent = 0
         self.withheld: dict[Withheld, int] = dict.fromkeys(Withheld, 0)
         self.last_withheld: Withheld | None = None
-        """Reason of the newest frame; None where its message was sent."""
+        """Reason at the newest attempt; None where its message was sent."""
+        self.wake_at: HostNs | None = None
+        """Instant at which :meth:`on_wake` is due, unless a frame comes before; None while nothing could change."""
 
     @property
     def target(self) -> int | None:
         """Id of the track to land on."""
-        return self._target
+        return None if self._track is None else self._track.id
+
+    def status(self, now: HostNs) -> LandingReport:
+        """Part of the status: the target, its claim, and the counts of messages and reasons."""
+        return LandingReport(
+            target=self.target,
+            sent=self.sent,
+            sigma_m=self._sigma_m,
+            withheld={str(reason): count for reason, count in self.withheld.items() if count},
+            withheld_s=self._reports.withheld_s(now),
+            last_withheld=None if self.last_withheld is None else str(self.last_withheld),
+        )
+
+    def forget(self) -> None:
+        """Forget the target: all tracks ended, and their places are in a former local frame."""
+        self._track = self._fix = self.wake_at = None
+        self._reports.on_lost()
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | None:
-        """LANDING_TARGET of the frame with these tracks; None where it is withheld, and then the reason is counted."""
+        """LANDING_TARGET after the frame with these tracks; None where it is withheld, and then the reason is counted."""
         if not self._options.landing_target:
             return None
-        answer = self._message(tracks, situation)
-        if isinstance(answer, Withheld):
-            self.withheld[answer] += 1
-            self.last_withheld = answer
-            return None
-        self.sent += 1
-        self.last_withheld = None
-        return answer
+        if tracks:
+            self._frame_ns = max(track.host_ns for track in tracks)
+        self._frame_came_ns = situation.now_ns
+        self._choose(tracks, situation.now_ns)
+        return self._attempt(situation)
 
-    def _message(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | Withheld:
-        track = self._choose(tracks)
+    def on_wake(self, situation: Situation) -> Outgoing | None:
+        """LANDING_TARGET where no frame has come for a while; None before that is due, and where it is withheld."""
+        if self.wake_at is None or situation.now_ns < self.wake_at:
+            return None
+        return self._attempt(situation)
+
+    def _attempt(self, situation: Situation) -> Outgoing | None:
+        now, notice = situation.now_ns, None
+        answer = self._message(situation)
+        if isinstance(answer, Refusal):
+            self.withheld[answer.reason] += 1
+            self.last_withheld = answer.reason
+            if self._track is None:
+                self._reports.on_lost()
+            else:
+                notice = self._reports.on_withheld(answer, now)
+        elif answer is not None:
+            self.sent += 1
+            self.last_withheld = None
+            notice = self._reports.on_sent(self._sigma_m or 0.0, now)
+        if notice is not None and self._notify is not None:
+            self._notify(notice)
+        coasts = self._track is not None and self._age_s(self._track, now) <= MOST_AGE_S
+        self.wake_at = HostNs(now + COAST_NS) if coasts or self._reports.is_pending else None
+        return answer if isinstance(answer, Outgoing) else None
+
+    def _choose(self, tracks: tuple[Track, ...], now: HostNs) -> None:
+        """Update the track to land on. Another one is chosen only after that track was dropped.
+
+        A track that was dropped because it was not seen is predicted on, unless another one is confirmed.
+        """
+        live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
+        before, chosen = self._track, None
+        if before is not None:
+            number = before.id if before.id in live else successor(before.id, live.values())
+            chosen = None if number is None else live[number]
+        chosen = chosen or self._oldest_confirmed(live.values())
+        if chosen is None and before is not None:
+            ended = next((track for track in tracks if track.id == before.id), before)
+            unseen = ended.state is not TrackState.DROPPED or ended.reason in UNSEEN
+            chosen = ended if unseen and self._age_s(ended, now) <= MOST_AGE_S else None
+        if chosen is None or before is None or chosen.id != before.id:
+            self._fix = None
+        if chosen is not None and chosen.fix is not None:
+            self._fix = chosen.fix
+        self._track = chosen
+
+    def _oldest_confirmed(self, tracks: Collection[Track]) -> Track | None:
+        confirmed = [
+            track
+            for track in tracks
+            if track.label == self._options.landing_label and track.state is TrackState.CONFIRMED
+        ]
+        return min(confirmed, key=seniority, default=None)
+
+    @staticmethod
+    def _age_s(track: Track, now: HostNs) -> float:
+        """Age of the track's last fix, seconds."""
+        return s_from_ns(now - track.last_seen_host_ns)
+
+    def _message(self, situation: Situation) -> Outgoing | Refusal | None:
+        """The message, the reason why it is withheld, or None where one of this instant was sent already."""
+        track, autopilot = self._track, situation.autopilot
         if track is None:
-            return Withheld.NO_TARGET
-        refusal = self._refusal(track, situation)
-        if refusal is not None:
-            return refusal
-        if situation.autopilot is None:
-            return Withheld.NO_AUTOPILOT
-        if situation.autopilot.kind is AutopilotKind.ARDUPILOT:
-            fields = self._ardupilot(track, situation)
-        elif situation.autopilot.kind is AutopilotKind.PX4:
-            fields = self._px4(track, situation)
-        else:
-            return Withheld.UNKNOWN_AUTOPILOT
-        if isinstance(fields, Withheld):
-            return fields
-        self._last_sent_ns = track.host_ns
+            return Refusal(Withheld.NO_TARGET)
+        if self._age_s(track, situation.now_ns) > MOST_AGE_S:
+            return self._too_old(track, situation.now_ns)
+        if autopilot is None:
+            return Refusal(Withheld.NO_AUTOPILOT)
+        if autopilot.kind is AutopilotKind.ARDUPILOT:
+            return self._to_ardupilot(track, situation)
+        if autopilot.kind is AutopilotKind.PX4:
+            return self._to_px4(track, situation)
+        return Refusal(Withheld.UNKNOWN_AUTOPILOT)
+
+    def _too_old(self, track: Track, now: HostNs) -> Refusal:
+        """The reason why the last fix is too old: no frames, late frames, or frames without the target."""
+        if self._frame_came_ns is None or now - self._frame_came_ns > SILENT_NS:
+            return Refusal(Withheld.NO_FRAMES, s_from_ns(now - (self._frame_came_ns or track.last_seen_host_ns)))
+        late_s = 0.0 if self._frame_ns is None else s_from_ns(now - self._frame_ns)
+        if late_s > MOST_AGE_S:
+            return Refusal(Withheld.LATE_FRAME, late_s)
+        return Refusal(Withheld.NOT_SEEN, self._age_s(track, now))
+
+    def _to_ardupilot(self, track: Track, situation: Situation) -> Outgoing | Refusal | None:
+        state = state_when_used(situation, self.lag_s, self._state_at)
+        if state is None:
+            return _no_attitude(situation)
+        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
+        if relative is None:
+            return Refusal(Withheld.NO_HEIGHT)
+        motion_m_s = image_motion_m_s(self._fix, state, relative)
+        by_attitude_m = state.attitude_sigma * norm(relative)
+        refusal = self._uncertain(track, state, situation, motion_m_s=motion_m_s, by_attitude_m=by_attitude_m)
+        vector = in_body(relative, state)
+        frame = enums.MAV_FRAME_BODY_FRD
+        return refusal or self._outgoing(track, state, situation, (frame, vector), body_frd=vector)
+
+    def _to_px4(self, track: Track, situation: Situation) -> Outgoing | Refusal | None:
+        state = situation.vehicle
+        if state is None or s_from_ns(situation.now_ns - instant_of(state, situation)) > OLDEST_ATTITUDE_S:
+            return _no_attitude(situation)
+        local = None if self._local_position_at is None else self._local_position_at(state.boot_ns)
+        if local is None:
+            return Refusal(Withheld.NO_LOCAL_POSITION)
+        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
+        if relative is None:
+            return Refusal(Withheld.NO_HEIGHT)
+        motion_m_s = image_motion_m_s(self._fix, None, relative)
+        refusal = self._uncertain(track, state, situation, motion_m_s=motion_m_s, by_attitude_m=0.0)
+        point = (enums.MAV_FRAME_LOCAL_NED, add(local, relative))
+        return refusal or self._outgoing(track, state, situation, point, body_frd=in_body(relative, state))
+
+    def _uncertain(
+        self, track: Track, state: VehicleState, situation: Situation, *, motion_m_s: float, by_attitude_m: float
+    ) -> Refusal | None:
+        """The refusal where the claim is beyond the limit. ``motion_m_s``: metres a second of clock error."""
+        age_s = abs(s_from_ns(state.boot_ns - track.boot_ns))
+        clock_sigma_s = 0.0 if situation.clock is None else situation.clock.sigma_s
+        sigma_m = hypot(landing_sigma_m(track, state, age_s), clock_sigma_s * motion_m_s, by_attitude_m)
+        self._sigma_m = sigma_m
+        return None if sigma_m <= self._options.landing_max_sigma_m else Refusal(Withheld.TOO_UNCERTAIN, sigma_m)
+
+    def _outgoing(
+        self,
+        track: Track,
+        state: VehicleState,
+        situation: Situation,
+        point: tuple[int, Vector3],
+        *,
+        body_frd: Vector3,
+    ) -> Outgoing | None:
+        """The message; None where its time would not rise. ``point``: the frame, and the target in it."""
+        instant_ns = instant_of(state, situation)
+        if self._sent_usec is not None and instant_ns // NS_PER_US <= self._sent_usec:
+            return None
+        self._sent_usec = instant_ns // NS_PER_US
         return Outgoing(
             name="LANDING_TARGET",
-            fields=fields,
+            fields=landing_fields(track, instant_ns, *point, body_frd=body_frd),
             to=Destination.AUTOPILOT,
             component=self._options.companion_component,
         )
 
-    def _choose(self, tracks: Iterable[Track]) -> Track | None:
-        """The track to land on, or the track that it was merged into; another one only after that track was dropped."""
-        live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
-        if self._target is not None and self._target not in live:
-            self._target = successor(self._target, live.values())
-        if self._target is None:
-            confirmed = [
-                track
-                for track in live.values()
-                if track.label == self._options.landing_label and track.state is TrackState.CONFIRMED
-            ]
-            oldest = min(confirmed, key=seniority, default=None)
-            self._target = oldest.id if oldest is not None else None
-        return live[self._target] if self._target is not None else None
 
-    def _refusal(self, track: Track, situation: Situation) -> Withheld | None:
-        if track.state is not TrackState.CONFIRMED:
-            return Withheld.NOT_CONFIRMED
-        if track.fix is None:
-            return Withheld.NO_FIX
-        if not larger_sigma(track.relative_cov) <= self._options.landing_max_sigma_m:
-            return Withheld.TOO_UNCERTAIN
-        clock = situation.clock
-        if clock is not None and clock.doubtful:
-            return Withheld.CLOCK_IN_DOUBT
-        too_old = s_from_ns(situation.now_ns - track.host_ns) > MAX_AGE_S
-        if too_old or (self._last_sent_ns is not None and track.host_ns <= self._last_sent_ns):
-            return Withheld.LATE_FRAME
-        return None
-
-    def _ardupilot(self, track: Track, situation: Situation) -> dict[str, Any] | Withheld:
-        used = self._state_when_used(situation)
-        if used is None:
-            return Withheld.NO_VEHICLE
-        target = track.apparent_ned
-        if track.velocity_ned is not None:
-            age_s = s_from_ns(used.boot_ns - track.boot_ns)
-            target = add(target, scale(track.velocity_ned, age_s))
-        relative = self._from_vehicle(target, track, used)
-        if isinstance(relative, Withheld):
-            return relative
-        in_body = rotate(conjugate(used.ned_from_body), relative)
-        return _fields(track, enums.MAV_FRAME_BODY_FRD, in_body, in_body)
-
-    def _px4(self, track: Track, situation: Situation) -> dict[str, Any] | Withheld:
-        state = situation.at_capture
-        if state is None:
-            return Withheld.NO_VEHICLE
-        if situation.local_position_ned is None:
-            return Withheld.NO_LOCAL_POSITION
-        relative = self._from_vehicle(track.apparent_ned, track, state)
-        if isinstance(relative, Withheld):
-            return relative
-        in_body = rotate(conjugate(state.ned_from_body), relative)
-        return _fields(track, enums.MAV_FRAME_LOCAL_NED, add(situation.local_position_ned, relative), in_body)
-
-    def _state_when_used(self, situation: Situation) -> VehicleState | None:
-        """Vehicle state at (arrival - PLND_LAG), from the history, else extrapolated from the newest state."""
-        newest, clock = situation.vehicle, situation.clock
-        if newest is None:
-            return None
-        if clock is None:
-            return newest
-        transit_s = 0.5 * clock.round_trip_s if clock.round_trip_s is not None else 0.0
-        boot_now_ns = situation.now_ns - clock.host_from_autopilot_ns
-        used_ns = BootNs(boot_now_ns + ns_from_s(transit_s - self.lag_s))
-        step_s = s_from_ns(used_ns - newest.boot_ns)
-        if not step_s <= MAX_BRIDGED_S:
-            return None
-        known = self._state_at(used_ns) if self._state_at is not None else None
-        if isinstance(known, VehicleState):
-            return known
-        return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
-
-    def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
-        """Vector from the vehicle to the target, NED, metres."""
-        if state.position_ned is not None:
-            return subtract(target, state.position_ned)
-        height_m = _camera_height(track.fix, state) if track.fix is not None else None
-        if height_m is None:
-            return Withheld.NO_HEIGHT
-        from_camera = (target[0], target[1], target[2] + height_m)
-        return add(from_camera, rotate(state.ned_from_body, self._options.camera_position_m))
-
-
-def _carried(state: VehicleState, step_s: float) -> VehicleState:
-    """The state extrapolated by ``step_s``, positive or negative, with constant rates and velocity."""
-    turned = multiply(state.ned_from_body, exp(scale(state.rates, step_s)))
-    position = state.position_ned
-    if position is not None and state.velocity_ned is not None:
-        position = add(position, scale(state.velocity_ned, step_s))
-    boot_ns = BootNs(state.boot_ns + ns_from_s(step_s))
-    return structs.replace(state, boot_ns=boot_ns, ned_from_body=turned, position_ned=position)
-
-
-def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
-    """Height of the camera above the ground under the target, in a world without a global position.
-
-    The fix is then relative to the point below the camera, so its horizontal distance and the direction of its ray give
-    the height. For a ray straight down they do not; then the autopilot's height above home is used.
-    """
-    north, east, down = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
-    sideways = hypot(north, east)
-    if sideways > LEAST_SIDEWAYS:
-        return hypot(fix.position_ned[0], fix.position_ned[1]) / sideways * down
-    return state.height_above_home_m
-
-
-def _fields(track: Track, frame: int, point: Vector3, in_body: Vector3) -> dict[str, Any]:
-    """Fields of the message: ``point`` in ``frame``, and its direction as angles of a camera that looks down."""
-    forward, right, down = in_body
-    return {
-        "time_usec": track.host_ns // NS_PER_US,
-        "target_num": track.id % 256,
-        "frame": frame,
-        "angle_x": atan2(right, down),
-        "angle_y": atan2(-forward, down),
-        "distance": norm(in_body),
-        "size_x": 0.0,
-        "size_y": 0.0,
-        "x": point[0],
-        "y": point[1],
-        "z": point[2],
-        "q": (1.0, 0.0, 0.0, 0.0),
-        "type": enums.LANDING_TARGET_TYPE_VISION_OTHER,
-        "position_valid": 1,
-    }
+def _no_attitude(situation: Situation) -> Refusal:
+    newest = situation.vehicle
+    if newest is None:
+        return Refusal(Withheld.NO_VEHICLE)
+    return Refusal(Withheld.NO_VEHICLE, s_from_ns(situation.now_ns - instant_of(newest, situation)))

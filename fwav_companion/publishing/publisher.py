@@ -12,13 +12,14 @@ from fwav_companion.publishing.camera_component import CameraComponent
 from fwav_companion.publishing.cot import NO_EVENT, cot_event
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
-from fwav_companion.publishing.landing import Landing, StateAt
+from fwav_companion.publishing.landing import Landing, LocalPositionAt
+from fwav_companion.publishing.landing_vector import StateAt
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection, Spots, seniority
 from fwav_companion.publishing.target_report import track_report
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
-from fwav_companion.types.flight_status import LandingReport, PublishingReport, TrackReport
+from fwav_companion.types.flight_status import PublishingReport, TrackReport
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.spots import SpotRefused
@@ -38,6 +39,7 @@ class Publisher:
     ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures. ``spots``:
     follows clicked spots that are not tracks. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
     will use; without it the newest state is extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
+    ``local_position_at``: PX4's own local position at an instant.
     """
 
     def __init__(
@@ -45,12 +47,13 @@ class Publisher:
         options: PublishOptions,
         locate: Locate | None = None,
         state_at: StateAt | None = None,
+        local_position_at: LocalPositionAt | None = None,
         spots: Spots | None = None,
     ):
         self._options = options
-        self.landing = Landing(options, state_at)
         self._selection = Selection(options)
         self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
+        self.landing = Landing(options, state_at, local_position_at, self._notices.append)
         self._camera = CameraComponent(options, self._selection, locate, self._notices.append, spots)
         self._target_notices = TargetNotices()
         self._announcer = Announcer(options)
@@ -74,8 +77,7 @@ class Publisher:
     ) -> list[Outgoing]:
         """Messages after a processed frame. LANDING_TARGET is first, so that it does not wait for periodic messages.
 
-        ``situation.at_capture`` and ``local_position_ned`` are those of this frame. An empty tuple of tracks is a frame
-        without live tracks.
+        An empty tuple of tracks is a frame without live tracks.
         """
         landing = self.landing.on_tracks(tracks, situation)
         out = [landing] if landing is not None else []
@@ -85,12 +87,17 @@ class Publisher:
         self._notices.extend(self._target_notices.on_tracks(tracks, situation))
         if not self._started:
             out.extend(self.on_wake(situation.now_ns, situation))
+        elif self._options.landing_target:
+            self.wake_at = self._next_due()
         return out
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
-        """Periodic messages that are due: tracking status, named values, map markers."""
+        """Messages that are due: LANDING_TARGET without a frame, tracking status, named values, map markers."""
         self._started = True
-        out = self._camera.on_wake(now, situation) if self._options.camera_tracking else []
+        landing = self.landing.on_wake(situation)
+        out = [landing] if landing is not None else []
+        if self._options.camera_tracking:
+            out.extend(self._camera.on_wake(now, situation))
         track = self._selection.selected
         if track is not None and now - track.host_ns > FORGOTTEN_NS:
             track = None
@@ -122,6 +129,7 @@ class Publisher:
         the reason.
         """
         self._target_notices.forget()
+        self.landing.forget()
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
         """STATUSTEXT messages of a notice for the ground; none where [publish] statustext is off."""
@@ -158,24 +166,21 @@ class Publisher:
         """Part of the status: the confirmed and coasting tracks, the oldest first."""
         return [track_report(track, plane, now) for track in self.believed[:MAX_TRACK_REPORTS]]
 
-    def status(self) -> PublishingReport:
+    def status(self, now: HostNs) -> PublishingReport:
         """Part of the status: the selected track, and the counts of LANDING_TARGET."""
-        selected, withheld = self._selection.selected, self.landing.withheld
-        landing = LandingReport(
-            target=self.landing.target,
-            sent=self.landing.sent,
-            withheld={str(reason): count for reason, count in withheld.items() if count},
-            last_withheld=None if self.landing.last_withheld is None else str(self.landing.last_withheld),
-        )
+        selected = self._selection.selected
         return PublishingReport(
             selected=None if selected is None else selected.id,
             selected_by="click" if self._selection.by_click else self._options.select,
-            landing=landing,
+            landing=self.landing.status(now),
         )
 
     def _next_due(self) -> HostNs | None:
         """The next instant with work. It is cached in :attr:`wake_at`, because that is read with every message."""
-        due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
+        due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [
+            self._camera.wake_at,
+            self.landing.wake_at,
+        ]
         return min((at for at in due if at is not None), default=None)
 
     def _named_values(self, track: Track | None, situation: Situation) -> list[Outgoing]:

@@ -2,7 +2,8 @@
 
 Frames may come late and out of order. Each frame is inserted at its capture time: the tracker returns to its state
 before that instant and processes the later frames again. So a late frame has exactly the effect that it would have had
-in time. Half a second after its capture the line of a frame is settled; a frame that comes later than that is refused.
+in time. Half a second after its capture the line of a frame is settled. A frame that comes later than that is refused,
+unless later frames are allowed and it is newer than all settled ones: the camera is late as a whole.
 """
 
 from __future__ import annotations
@@ -45,10 +46,14 @@ class _Placed(msgspec.Struct):
 class Reorder:
     """A window of half a second that puts frames in capture order for the tracker."""
 
-    __slots__ = ("_placed", "_settled", "_settled_to_ns", "tracker")
+    __slots__ = ("_latest_ns", "_placed", "_put_ns", "_settled", "_settled_to_ns", "tracker")
 
-    def __init__(self, tracker: Tracker) -> None:
+    def __init__(self, tracker: Tracker, latest_ns: int = WINDOW_NS) -> None:
+        """``latest_ns``: age of a frame beyond which it is refused, at least the window."""
         self.tracker = tracker
+        self._latest_ns = latest_ns
+        self._put_ns = HostNs(0)
+        """Instant at which the latest frame came."""
         self._placed: list[_Placed] = []
         """Frames in the window by capture; equal captures in the order of arrival."""
         self._settled: list[Settled] = []
@@ -59,11 +64,12 @@ class Reorder:
         """Instant at which the next line settles; None without a waiting frame."""
         if self._settled:
             return self._settled[0].view.host_ns
-        return HostNs(self._placed[0].host_ns + WINDOW_NS) if self._placed else None
+        return HostNs(max(self._placed[0].host_ns + WINDOW_NS, self._put_ns)) if self._placed else None
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The tracks at the newest capture, after all frames so far; or the reason why the frame is refused."""
         self._settle(now_ns)
+        self._put_ns = now_ns
         refusal = self._refusal(view, now_ns)
         if refusal is not None:
             return NoFrame(refusal)
@@ -103,7 +109,7 @@ class Reorder:
 
     def _refusal(self, view: FrameView, now_ns: HostNs) -> Reason | None:
         settled_to_ns = self._settled_to_ns
-        if view.host_ns <= now_ns - WINDOW_NS or (settled_to_ns is not None and view.host_ns < settled_to_ns):
+        if view.host_ns <= now_ns - self._latest_ns or (settled_to_ns is not None and view.host_ns < settled_to_ns):
             return Reason.TOO_LATE
         for placed in reversed(self._placed):  # by capture
             if placed.host_ns < view.host_ns:

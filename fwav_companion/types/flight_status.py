@@ -34,8 +34,6 @@ class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
     """Best round trip, seconds."""
     status: str = "unknown"
     """A :class:`~fwav_companion.types.ClockStatus`."""
-    doubtful: bool = False
-    """Whether the estimate is doubtful, so that no LANDING_TARGET is sent."""
 
 
 class OriginReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -220,9 +218,14 @@ class LandingReport(msgspec.Struct, frozen=True, kw_only=True):
     target: int | None = None
     """Track to land on."""
     sent: int = 0
+    sigma_m: float | None = None
+    """One sigma of the target relative to the vehicle at the newest attempt, larger semi-axis, metres; None before."""
     withheld: dict[str, int] = {}
-    """Frames without a message, by reason."""
+    """Attempts without a message, by reason: one a frame, and five a second while no frame comes."""
+    withheld_s: float | None = None
+    """Time for which the messages of a known target have been withheld, seconds; None where they flow."""
     last_withheld: str | None = None
+    """Reason at the newest attempt; None where its message was sent."""
 
 
 class TrackReport(msgspec.Struct, frozen=True, kw_only=True):

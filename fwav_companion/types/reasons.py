@@ -34,7 +34,7 @@ class Reason(StrEnum):
     OVERLOAD = "overload"
     """Frames came faster than the processor handles them, and newer ones were taken."""
     TOO_LATE = "too_late"
-    """The frame arrived later than the reorder window of 0.5 s after its capture."""
+    """The frame arrived more than 0.5 s after its capture, or 2.5 s where LANDING_TARGET is sent."""
     DUPLICATE_FRAME = "duplicate_frame"
     """A frame with the same number and capture time was processed before."""
     LOW_SCORE = "low_score"

@@ -10,7 +10,6 @@ import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.types.board import BoardReport
 from fwav_companion.types.telemetry import ClockEstimate, VehicleState
 
@@ -45,10 +44,6 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """Local tangent plane; None without a global position."""
     newest_state: Callable[[], VehicleState | None]
     """Computes :attr:`vehicle`."""
-    at_capture: VehicleState | None = None
-    """State of the vehicle at the capture of the published frame."""
-    local_position_ned: Vector3 | None = None
-    """LOCAL_POSITION_NED of the autopilot at that capture, metres, in its own local frame."""
     clock_estimate: Callable[[], ClockEstimate | None] = lambda: None
     """Computes :attr:`clock`."""
     undulation_m: float | None = None

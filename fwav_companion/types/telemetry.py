@@ -89,9 +89,6 @@ class ClockEstimate(msgspec.Struct, frozen=True):
     plus the largest rate error that round trips allow."""
     round_trip_s: float | None
     status: ClockStatus
-    doubtful: bool = False
-    """Whether the newest responses contradict this estimate, or a followed clock slips by too much for landing: then no
-    LANDING_TARGET is sent."""
 
     @property
     def rate(self) -> float:

@@ -75,8 +75,6 @@ def situation(now=NOW, kind=AutopilotKind.ARDUPILOT, **changes):
         "autopilot": autopilot(kind) if kind is not None else None,
         "plane": TangentPlane(ORIGIN),
         "vehicle": state(now),
-        "at_capture": state(now),
-        "local_position_ned": (0.0, 0.0, -10.0),
         "clock": clock(),
         "undulation_m": 47.3,
         "utc_minus_host_s": 1_790_000_000.0,

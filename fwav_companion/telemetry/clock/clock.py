@@ -22,9 +22,6 @@ EXCHANGES_OUTLIVED_S = 120.0
 FOLLOWED_OUTLIVED_NS = 10 * NS_PER_S
 """Age of a followed clock's last exchange from which arrivals are used: at 1 % its offset has then moved by 100 ms, and
 arrivals are as good."""
-DOUBTFUL_SIGMA_S = 0.01
-"""One sigma of a followed clock above which it is doubtful, s: at 1 m/s a landing is off by a centimetre, at 30 deg/s
-by 0.3 deg."""
 EXCHANGES_BEFORE = 64
 """Number of exchanges before a contradiction from which the follower starts."""
 
@@ -152,7 +149,6 @@ class Clock:
             bound_s=self._exchanges.bound_s(now, offset_ns),
             round_trip_s=self._exchanges.best_round_trip_s,
             status=ClockStatus.SETTLED if settled else ClockStatus.SETTLING,
-            doubtful=bool(self._exchanges.contradicting),
         )
 
     def _followed_estimate(self, followed: FollowedClock, now: HostNs) -> ClockEstimate:
@@ -165,7 +161,6 @@ class Clock:
             bound_s=followed.bound_s(now, offset_ns),
             round_trip_s=followed.best_round_trip_s,
             status=ClockStatus.FOLLOWED,
-            doubtful=sigma_s > DOUBTFUL_SIGMA_S,
         )
 
     def _chosen(self) -> FollowedClock | ClockLine | None:

@@ -70,7 +70,7 @@ FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     ),
     Reason.TOO_LATE: (
         Level.ERROR,
-        "arrived more than 0.5 s after their capture",
+        "arrived more than 0.5 s after their capture, or 2.5 s where LANDING_TARGET is sent",
         "a faster detector or a smaller image; check that the stamp is that of the capture",
     ),
 }
