@@ -110,7 +110,7 @@ class Landing:
         self._reports.on_lost()
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | None:
-        """LANDING_TARGET after the frame with these tracks; None where it is withheld, and then the reason is counted."""
+        """LANDING_TARGET after the frame with these tracks; None where it is withheld, for a counted reason."""
         if not self._options.landing_target:
             return None
         if tracks:

@@ -23,7 +23,7 @@ POSITION_DRIFT_M_S = 0.1
 """One sigma of the drift of the vehicle's reported position, m/s. PX4's estimate moved by 0.4 m in ten seconds near the
 ground, and a receiver of 1 m that wanders over half a minute moves by 0.2 m in the first second and a half."""
 UNKNOWN_SPEED_M_S = 1.0
-"""One sigma of the vehicle's horizontal speed where no position shows it, m/s: a copter that holds its place by hand."""
+"""One sigma of the vehicle's horizontal speed where no position shows it, m/s: a copter that is held by hand."""
 MANEUVER_M_S2 = 1.0
 """One sigma of the unknown acceleration of a target that moves, m/s^2: a walker who turns around within two seconds."""
 

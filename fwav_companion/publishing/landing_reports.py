@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from math import isfinite, nan
+from typing import Final
 
 import msgspec
 
@@ -41,6 +42,20 @@ class Withheld(StrEnum):
     """PX4's own LOCAL_POSITION_NED at that instant is not known."""
     NO_HEIGHT = "no_height"
     """There is no global position, and the camera's height above the target is not known."""
+
+
+CAUSES: Final = {
+    Withheld.LATE_FRAME: "camera {:.1f} s late",
+    Withheld.NOT_SEEN: "not seen for {:.1f} s",
+    Withheld.NO_FRAMES: "no picture for {:.1f} s",
+    Withheld.NO_VEHICLE: "attitude {:.1f} s old",
+    Withheld.NO_LOCAL_POSITION: "no LOCAL_POSITION_NED",
+    Withheld.NO_HEIGHT: "height unknown",
+    Withheld.UNKNOWN_AUTOPILOT: "no ArduPilot, no PX4",
+    Withheld.NO_AUTOPILOT: "no autopilot",
+    Withheld.NO_TARGET: "no target",
+}
+"""Cause in the pilot's text, with the refusal's figure."""
 
 
 class Refusal(msgspec.Struct, frozen=True, gc=False):
@@ -103,28 +118,12 @@ class LandingReports:
 def _cause(refusal: Refusal, limit_m: float) -> str:
     """The reason in at most 25 characters: a text of 50 is one message."""
     figure = refusal.figure
-    match refusal.reason:
-        case Withheld.TOO_UNCERTAIN:
-            claim = f"target {_metres(figure)} m" if figure < MOST_M else "no claim"
-            return f"{claim}, limit {_metres(limit_m)}"
-        case Withheld.LATE_FRAME:
-            return f"camera {figure:.1f} s late"
-        case Withheld.NOT_SEEN:
-            return f"not seen for {figure:.1f} s"
-        case Withheld.NO_FRAMES:
-            return f"no picture for {figure:.1f} s"
-        case Withheld.NO_VEHICLE:
-            return f"attitude {figure:.1f} s old" if isfinite(figure) else "no attitude"
-        case Withheld.NO_LOCAL_POSITION:
-            return "no LOCAL_POSITION_NED"
-        case Withheld.NO_HEIGHT:
-            return "height unknown"
-        case Withheld.UNKNOWN_AUTOPILOT:
-            return "no ArduPilot, no PX4"
-        case Withheld.NO_AUTOPILOT:
-            return "no autopilot"
-        case Withheld.NO_TARGET:
-            return "no target"
+    if refusal.reason is Withheld.TOO_UNCERTAIN:
+        claim = f"target {_metres(figure)} m" if figure < MOST_M else "no claim"
+        return f"{claim}, limit {_metres(limit_m)}"
+    if refusal.reason is Withheld.NO_VEHICLE and not isfinite(figure):
+        return "no attitude"
+    return CAUSES[refusal.reason].format(figure)
 
 
 def _metres(value: float) -> str:

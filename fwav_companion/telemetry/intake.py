@@ -11,6 +11,7 @@ from fwav_companion.telemetry import decoding
 from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
 from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS, AttitudeStamps
+from fwav_companion.telemetry.barometer import altitude_of_pressure_m
 from fwav_companion.telemetry.climb import ClimbCheck
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible
@@ -69,6 +70,7 @@ class Intake:
             "SYSTEM_TIME": self._on_system_time,
             "ALTITUDE": self._on_altitude,
             "VFR_HUD": self._on_vfr_hud,
+            "SCALED_PRESSURE": self._on_pressure,
             "GPS_RAW_INT": self._on_gps_raw,
             "EKF_STATUS_REPORT": self._on_ardupilot_filter,
             "ESTIMATOR_STATUS": self._on_px4_filter,
@@ -159,13 +161,31 @@ class Intake:
         return ()
 
     def _on_altitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._take_barometer("ALTITUDE", fields.altitude_monotonic, 0.0, now)
         return self._take_height(HeightSource.ALTITUDE, fields.altitude_relative, 0.0, now)
 
     def _on_vfr_hud(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         home_m = self._world.home_alt_amsl_m
         if home_m is None:
+            self._take_barometer("VFR_HUD", fields.alt, fields.climb, now)
             return ()
         return self._take_height(HeightSource.VFR_HUD, fields.alt - home_m, fields.climb, now)
+
+    def _on_pressure(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        altitude_m = altitude_of_pressure_m(fields.press_abs)
+        if altitude_m is None:
+            return self.refuse("SCALED_PRESSURE")
+        self._take_barometer("SCALED_PRESSURE", altitude_m, 0.0, now)
+        return ()
+
+    def _take_barometer(self, source: str, altitude_m: float, climb: float, now: HostNs) -> None:
+        """Store the height that a barometric altitude shows, where it is used."""
+        boot_ns = self._clock.boot_from_host(now)
+        if isinstance(boot_ns, Unpaired) or decoding.finite_height_m(altitude_m) is None:
+            return
+        height_m = self._kept.barometer.height_m(source, float(altitude_m), boot_ns)
+        if height_m is not None:
+            self._take_height(HeightSource.BAROMETER, height_m, climb, now)
 
     def _take_height(
         self, source: HeightSource, height_m: float, climb: float, now: HostNs
@@ -221,8 +241,10 @@ class Intake:
         return ()
 
     def _on_heartbeat(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        armed = bool(fields.base_mode & SAFETY_ARMED)
         self._trim.on_heartbeat(fields.type)
-        found = self._world.on_heartbeat(armed=bool(fields.base_mode & SAFETY_ARMED))
+        self._kept.barometer.on_heartbeat(armed=armed)
+        found = self._world.on_heartbeat(armed=armed)
         return found + self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
 
     def _on_param_value(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:

@@ -11,6 +11,7 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.attitude.history import KEPT_NS
 from fwav_companion.telemetry.attitude.sources import EULER
 from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.barometer import Barometer
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.clock.clock_news import ClockSlipped
@@ -74,7 +75,12 @@ class Telemetry:
         self._gimbal = Gimbal(device_id, options.clock_rate) if device_id else None
         bias = PositionBias() if options.position_bias_by_receiver else None
         self._kept = VehicleHistory(
-            self.clock, self._stamps, self._gimbal, ns_from_s(options.attitudes_kept_s), position_bias=bias
+            self.clock,
+            self._stamps,
+            self._gimbal,
+            ns_from_s(options.attitudes_kept_s),
+            barometer=Barometer(),
+            position_bias=bias,
         )
         self._intake = Intake(
             self._kept,
@@ -224,6 +230,8 @@ class Telemetry:
             attitude_stamps_in_step=self._stamps.in_step,
             pitch_trim_undone_deg=self._intake.trim_undone_deg if source == EULER else None,
             relative_world=self.world.relative,
+            height_source=self._kept.height_source,
+            barometer_starts_in_air=self._kept.barometer.starts_in_air,
             home_down_m=self.world.home_down_m,
             refused=dict(self._intake.refused),
             reboots=self._reboots,

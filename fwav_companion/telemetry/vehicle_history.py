@@ -8,6 +8,7 @@ from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.attitude.history import AttitudeHistory
 from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.barometer import Barometer
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
@@ -31,10 +32,12 @@ class VehicleHistory:
         gimbal: Gimbal | None,
         attitudes_kept_ns: int,
         *,
+        barometer: Barometer,
         position_bias: PositionBias | None = None,
     ) -> None:
         """``gimbal``: the gimbal that carries the camera; None without one. ``position_bias``: None: as configured."""
         self.position_bias = position_bias
+        self.barometer = barometer
         self._clock = clock
         self._stamps = stamps
         self._gimbal = gimbal
@@ -60,6 +63,7 @@ class VehicleHistory:
             course.clear()
         for latest in (self.ranges, self.terrain):
             latest.clear()
+        self.barometer.clear()
         self._jumped_ns = None
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
@@ -71,6 +75,7 @@ class VehicleHistory:
         if position is not None:
             (north, east, down), (v_north, v_east, v_down) = position.values, position.rates
             position_ned, velocity_ned = (north, east, down), (v_north, v_east, v_down)
+        height_m, source = self._height_at(boot_ns)
         nearest_range = self.ranges.near(boot_ns, RANGE_NEAR_NS)
         terrain = self.terrain.near(boot_ns, TERRAIN_NEAR_NS)
         return VehicleState(
@@ -83,7 +88,8 @@ class VehicleHistory:
             velocity_ned=velocity_ned,
             position_sigma_m=0.0 if position is None else position.sigma,
             position_bias_m=None if self.position_bias is None else self.position_bias.sigma_m,
-            height_above_home_m=self._height_at(boot_ns),
+            height_above_home_m=height_m,
+            height_bias_m=self.barometer.sigma_m(boot_ns) if source is HeightSource.BAROMETER else None,
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
             terrain_height_m=terrain if isinstance(terrain, float) else None,
             stamp_sigma_s=hypot(self._stamps.sigma_s, self.attitudes.quality.instant_sigma_s),
@@ -117,9 +123,18 @@ class VehicleHistory:
         north, east, down = point.values
         return (north, east, down)
 
-    def _height_at(self, boot_ns: BootNs) -> float | None:
-        for course in self.heights.values():  # in order of preference
+    @property
+    def height_source(self) -> str | None:
+        """The message or sensor that shows the newest height; None without a height."""
+        newest = self.attitudes.newest
+        _, source = self._height_at(newest.boot_ns) if newest is not None else (None, None)
+        if source is HeightSource.BAROMETER:
+            return f"{source.value} ({self.barometer.source})"
+        return None if source is None else source.value
+
+    def _height_at(self, boot_ns: BootNs) -> tuple[float | None, HeightSource | None]:
+        for source, course in self.heights.items():  # in order of preference
             point = course.at(boot_ns)
             if point is not None:
-                return point.values[0]
-        return None
+                return point.values[0], source
+        return None, None

@@ -90,6 +90,10 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     pitch_trim_undone_deg: float | None = None
     relative_world: bool | None = None
     """Whether targets are relative to the vehicle; None until it is decided."""
+    height_source: str | None = None
+    """What shows the height above home now; None without a height."""
+    barometer_starts_in_air: bool = False
+    """Whether the vehicle was first received armed, so that its barometer has no mean on the ground."""
     home_down_m: float | None = None
     """Depth of the home surface below the origin, metres."""
     refused: dict[str, int] = {}

@@ -105,7 +105,7 @@ class NoticeCode(StrEnum):
     TARGET_MERGED = "target_merged"
     """Two tracks proved to be one target."""
     LANDING_WITHHELD = "landing_withheld"
-    """A landing target is known, and LANDING_TARGET has been withheld for more than a second. The text has the reason."""
+    """A landing target is known, and LANDING_TARGET has been withheld for a second. The text has the reason."""
     LANDING_SENT = "landing_sent"
     """LANDING_TARGET flows after it was reported as withheld."""
     CLICK_WITHOUT_CAMERA = "click_without_camera"

@@ -39,6 +39,8 @@ class HeightSource(StrEnum):
     GLOBAL_POSITION_INT = "GLOBAL_POSITION_INT"
     ALTITUDE = "ALTITUDE"
     VFR_HUD = "VFR_HUD"
+    BAROMETER = "barometer"
+    """Barometric altitude above its mean while disarmed, of any of three messages."""
 
 
 class RangeSample(msgspec.Struct, frozen=True, gc=False):
@@ -166,6 +168,8 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """One sigma of the position's slow error as the receiver reports it, metres an axis; None: as configured."""
     height_sigma_m: float | None = None
     """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
+    height_bias_m: float | None = None
+    """One sigma of the height's slow error where a barometer alone shows the height, metres; None: as configured."""
     angular_acceleration: Vector3 = ZERO3
     """Angular acceleration of the body, body axes, rad/s^2, from the attitude samples; zero where it is not known."""
     turning_frequency: float = 0.0

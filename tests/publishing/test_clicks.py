@@ -179,4 +179,4 @@ def test_stop_ends_the_statuses_with_idle(publisher, world):
     assert publisher.on_command(command(2010), world.situation()).result is CommandResult.ACCEPTED
     sent = run(publisher, world, 1.0, (1,), start=world.NOW + world.S)
     assert [one.fields["tracking_status"] for one in sent] == [0, 0, 0]
-    assert publisher.status().selected is None
+    assert publisher.status(world.NOW).selected is None

@@ -1,5 +1,6 @@
 """LANDING_TARGET as its receivers read it: their published formulas by hand, geometry by scipy."""
 
+from itertools import pairwise
 from math import cos, inf, nan, radians, sin, tan
 
 import numpy as np
@@ -10,9 +11,10 @@ from msgspec import structs
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.publishing.landing import Landing, Withheld
+from fwav_companion.publishing.landing import Landing
+from fwav_companion.publishing.landing_reports import Withheld
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.types import AutopilotKind, Destination, Reason, TrackState, Unpaired
+from fwav_companion.types import AutopilotKind, Bias, Destination, Reason, TrackState, Unpaired
 
 OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
 
@@ -123,40 +125,39 @@ def test_a_moving_target_is_carried_to_that_instant(world, landing):
     moving = world.track(at=world.NOW - 200_000_000, velocity_ned=(0.0, 2.0, 0.0))
     fields = landing.on_tracks((moving,), world.situation()).fields
     assert fields["y"] == pytest.approx(3.0 + 2.0 * 0.2)
-    assert fields["time_usec"] == (world.NOW - 200_000_000) // 1000
+    assert fields["time_usec"] == world.NOW // 1000, "the instant of the prediction"
 
 
-def test_px4_gets_its_own_position_plus_our_difference_at_the_capture(world, landing):
-    own = (120.0, -40.0, -13.0)  # another origin, another projection
-    out = landing.on_tracks(
-        (world.track(),),
-        world.situation(
-            kind=AutopilotKind.PX4,
-            local_position_ned=own,
-            at_capture=world.state(q=world.quaternion(yaw_deg=77), position=(1.0, 1.0, -9.0)),
-            vehicle=world.state(position=(50.0, 50.0, -50.0)),  # newer: of no interest here
-        ),
-    )
+def test_px4_gets_its_own_position_plus_our_difference_at_the_newest_attitude(world):
+    own, asked = (120.0, -40.0, -13.0), []  # another origin, another projection
+
+    def local_position_at(boot_ns):
+        asked.append(boot_ns)
+        return own
+
+    vehicle = world.state(at=world.NOW - 30_000_000, q=world.quaternion(yaw_deg=77), position=(1.0, 1.0, -9.0))
+    landing = Landing(OPTIONS, local_position_at=local_position_at)
+    out = landing.on_tracks((world.track(),), world.situation(kind=AutopilotKind.PX4, vehicle=vehicle))
     got = world.packed(out)
+    assert asked == [vehicle.boot_ns]
     assert (got["frame"], got["position_valid"]) == (mavlink.MAV_FRAME_LOCAL_NED, 1)
     assert [got["x"], got["y"], got["z"]] == pytest.approx([120.0 + 3.0, -40.0 + 2.0, -13.0 + 9.0], abs=1e-5)
     assert got["distance"] == pytest.approx(np.sqrt(9 + 4 + 81), rel=1e-6)
+    assert got["time_usec"] == (world.NOW - 30_000_000) // 1000
 
 
 @pytest.mark.parametrize(("kind", "frame"), [(AutopilotKind.ARDUPILOT, 12), (AutopilotKind.PX4, 1)])
-def test_without_a_global_position_the_height_comes_from_the_fix_itself(world, landing, kind, frame):
+def test_without_a_global_position_the_height_comes_from_the_fix_itself(world, kind, frame):
     """The camera 0.5 m ahead of the vehicle, 7 m above a floor that the autopilot's altitude puts 2 m lower."""
-    landing = Landing(structs.replace(OPTIONS, camera_position_m=(0.5, 0.0, 0.0)))
+    options = structs.replace(OPTIONS, camera_position_m=(0.5, 0.0, 0.0))
+    landing = Landing(options, local_position_at=lambda _: (0.0, 0.0, 0.0))
     landing.lag_s = 0.0
     target = (2.0, 1.0, 0.0)
     down_the_ray = np.array([2.0, 1.0, 7.0]) / np.linalg.norm([2.0, 1.0, 7.0])
     in_camera = tuple(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).T @ down_the_ray)
     seen = world.track(position_ned=target, fix=world.fix(target, ray=in_camera))
     hovering = world.state(q=world.quaternion(yaw_deg=90), position=None, velocity=None, height=9.0)
-    fields = landing.on_tracks(
-        (seen,),
-        world.situation(kind=kind, plane=None, vehicle=hovering, at_capture=hovering, local_position_ned=(0, 0, 0)),
-    ).fields
+    fields = landing.on_tracks((seen,), world.situation(kind=kind, plane=None, vehicle=hovering)).fields
     north_east_down = (2.0, 1.5, 7.0)  # the nose points east
     in_body = (1.5, -2.0, 7.0)
     assert fields["frame"] == frame
@@ -171,7 +172,7 @@ def test_straight_below_the_height_is_the_autopilots_or_there_is_none(world, lan
     assert fields["z"] == pytest.approx(9.0)
     unknown = structs.replace(hovering, height_above_home_m=None)
     later = world.track(position_ned=(0.0, 0.0, 0.0), at=world.NOW + 1000)
-    assert landing.on_tracks((later,), world.situation(plane=None, vehicle=unknown)) is None
+    assert landing.on_tracks((later,), world.situation(world.NOW + 1000, plane=None, vehicle=unknown)) is None
     assert landing.last_withheld is Withheld.NO_HEIGHT
 
 
@@ -189,13 +190,13 @@ def refused(landing, track, situation):
         ({"state": TrackState.TENTATIVE}, Withheld.NO_TARGET),
         ({"state": TrackState.COASTING}, Withheld.NO_TARGET),
         ({"state": TrackState.DROPPED}, Withheld.NO_TARGET),
-        ({"with_fix": False}, Withheld.NO_FIX),
         ({"relative_cov": ((0.26, 0, 0), (0, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
         ({"relative_cov": ((0.15, 0.14, 0), (0.14, 0.15, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
         ({"relative_cov": ((nan, 0, 0), (0, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
         ({"relative_cov": ((0.01, nan, 0), (nan, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
         ({"relative_cov": ((inf, 0, 0), (0, inf, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
-        ({"at": 39_999_400_000_000}, Withheld.LATE_FRAME),
+        ({"at": 39_998_300_000_000}, Withheld.LATE_FRAME),
+        ({"last_seen_host_ns": 39_998_300_000_000, "with_fix": False}, Withheld.NOT_SEEN),
     ],
 )
 def test_what_may_not_steer_is_withheld_for_its_reason(world, landing, changes, reason):
@@ -208,8 +209,8 @@ def test_what_may_not_steer_is_withheld_for_its_reason(world, landing, changes, 
         ({"kind": None}, Withheld.NO_AUTOPILOT),
         ({"kind": AutopilotKind.OTHER}, Withheld.UNKNOWN_AUTOPILOT),
         ({"vehicle": None}, Withheld.NO_VEHICLE),
-        ({"kind": AutopilotKind.PX4, "at_capture": None}, Withheld.NO_VEHICLE),
-        ({"kind": AutopilotKind.PX4, "local_position_ned": None}, Withheld.NO_LOCAL_POSITION),
+        ({"kind": AutopilotKind.PX4, "vehicle": None}, Withheld.NO_VEHICLE),
+        ({"kind": AutopilotKind.PX4}, Withheld.NO_LOCAL_POSITION),
     ],
 )
 def test_nothing_is_sent_into_the_unknown(world, landing, changes, reason):
@@ -238,13 +239,16 @@ def test_the_oldest_confirmed_is_kept_until_it_is_dropped(world, landing):
     young = world.track(3, confirmed_at=world.NOW - 2_000_000_000)
     landing.on_tracks((young, old), world.situation())
     assert landing.target == 7
-    older = world.track(9, at=world.NOW + 1, confirmed_at=world.NOW - 99_000_000_000)
-    assert landing.on_tracks((older, world.track(7, at=world.NOW + 1)), world.situation()).fields["target_num"] == 7
-    coasting = world.track(7, at=world.NOW + 2, state=TrackState.COASTING, with_fix=False)
-    assert landing.on_tracks((world.track(3, at=world.NOW + 2), coasting), world.situation()) is None
-    assert landing.last_withheld is Withheld.NOT_CONFIRMED
-    dropped = world.track(7, at=world.NOW + 3, state=TrackState.DROPPED, reason=Reason.NOT_SEEN)
-    out = landing.on_tracks((world.track(3, at=world.NOW + 3), dropped), world.situation())
+    older = world.track(9, at=world.NOW + 1000, confirmed_at=world.NOW - 99_000_000_000)
+    later = world.situation(world.NOW + 1000)
+    assert landing.on_tracks((older, world.track(7, at=world.NOW + 1000)), later).fields["target_num"] == 7
+    coasting = world.track(
+        7, at=world.NOW + 2000, state=TrackState.COASTING, with_fix=False, last_seen_host_ns=world.NOW
+    )
+    out = landing.on_tracks((world.track(3, at=world.NOW + 2000), coasting), world.situation(world.NOW + 2000))
+    assert out.fields["target_num"] == 7, "it coasts, and is predicted"
+    dropped = world.track(7, at=world.NOW + 3000, state=TrackState.DROPPED, reason=Reason.NOT_SEEN)
+    out = landing.on_tracks((world.track(3, at=world.NOW + 3000), dropped), world.situation(world.NOW + 3000))
     assert out.fields["target_num"] == 3
 
 
@@ -258,9 +262,156 @@ def test_it_goes_on_with_what_the_chosen_one_turned_out_to_be(world, landing, st
     assert landing.target == 9
 
 
-def test_a_frame_is_sent_once_and_none_goes_back_in_time(world, landing):
-    situation = world.situation()
-    assert landing.on_tracks((world.track(),), situation) is not None
-    assert landing.on_tracks((world.track(),), situation) is None
-    assert landing.on_tracks((world.track(at=world.NOW - 33_000_000),), situation) is None
-    assert landing.withheld[Withheld.LATE_FRAME] == 2
+# The claim decides, and what the pilot reads.
+
+
+def clocked(world, sigma_s):
+    return structs.replace(world.clock(), sigma_s=sigma_s)
+
+
+def moving_image(world, m_s):
+    """A fix whose place moves by this many metres a second of time error."""
+    fix = world.fix()
+    columns = list(fix.bias_jacobian)
+    columns[Bias.TIME_OFFSET] = (m_s, 0.0, 0.0)
+    return structs.replace(fix, bias_jacobian=tuple(columns))
+
+
+@pytest.mark.parametrize(
+    ("image_m_s", "clock_sigma_s", "sent"),
+    [
+        (0.0, 0.5, True),  # a calm descent: the clock does not matter
+        (0.2, 0.5, True),
+        (2.0, 0.1, True),
+        (2.0, 0.25, False),  # half a metre by the clock alone
+        (8.0, 0.05, True),
+        (8.0, 0.1, False),
+    ],
+)
+def test_landing_target_with_an_uncertain_clock_is_withheld_by_its_claim_alone(
+    world, landing, image_m_s, clock_sigma_s, sent
+):
+    track = world.track(fix=moving_image(world, image_m_s))
+    out = landing.on_tracks((track,), world.situation(clock=clocked(world, clock_sigma_s)))
+    assert (out is not None) is sent
+    assert landing.status(world.NOW).sigma_m == pytest.approx(np.hypot(0.3, image_m_s * clock_sigma_s), rel=1e-6)
+    assert landing.last_withheld in (None, Withheld.TOO_UNCERTAIN)
+
+
+def test_landing_target_on_a_turning_body_counts_the_clock_at_the_instant_of_the_prediction(world, landing):
+    """2 rad/s at 10 m: 20 m/s in the image, 5 ms of clock are 0.1 m."""
+    vehicle = world.state(rates=(2.0, 0.0, 0.0))
+    landing.on_tracks((world.track(),), world.situation(vehicle=vehicle, clock=clocked(world, 0.005)))
+    relative = np.array([4.0, 3.0, 10.0])
+    speed = np.linalg.norm(np.cross([2.0, 0.0, 0.0], relative)[:2])
+    assert landing.status(world.NOW).sigma_m == pytest.approx(np.hypot(0.3, 0.005 * speed), rel=1e-6)
+
+
+def test_landing_target_flows_for_a_second_and_a_half_after_the_last_fix_with_a_growing_claim(world, landing):
+    landing.on_tracks((world.track(),), world.situation())
+    sent, claims = [world.NOW], [landing.status(world.NOW).sigma_m]
+    for ms in range(20, 2500, 20):
+        now = world.NOW + ms * 1_000_000
+        out = landing.on_wake(world.situation(now, vehicle=world.state(now)))
+        if out is not None:
+            sent.append(out.fields["time_usec"] * 1000)
+            claims.append(landing.status(now).sigma_m)
+    assert max(np.diff(sent)) <= 0.22 * world.S, "ArduPilot starts again after 0.5 s"
+    assert 1.2 * world.S < sent[-1] - world.NOW <= 1.5 * world.S
+    assert (np.diff(claims) > 0.0).all()
+    assert landing.last_withheld is Withheld.NO_FRAMES
+
+
+def test_landing_target_of_late_frames_is_predicted_to_now_and_never_to_the_future(world, landing):
+    """A camera that is 0.7 s late: its frames count, and the stamp is the instant of the prediction."""
+    for k in range(5):
+        now = world.NOW + k * 100_000_000
+        track = world.track(
+            at=now - 700_000_000, velocity_ned=(1.0, 0.0, 0.0), velocity_cov=world.diagonal(0.01, 0.01, 0.01)
+        )
+        fields = landing.on_tracks((track,), world.situation(now, vehicle=world.state(now))).fields
+        assert fields["time_usec"] == now // 1000
+        assert fields["x"] == pytest.approx(4.0 + 0.7)
+
+
+def test_landing_target_stamps_always_rise(world, landing):
+    times = []
+    for now, at in ((0, 0), (0, 0), (1, -33), (5, 3), (4, 4), (40, 30)):
+        vehicle = world.state(world.NOW + now * 1_000_000)
+        tracks = (world.track(at=world.NOW + at * 1_000_000),)
+        out = landing.on_tracks(tracks, world.situation(world.NOW + now * 1_000_000, vehicle=vehicle))
+        if out is not None:
+            times.append(out.fields["time_usec"])
+    assert times == sorted(set(times))
+    assert len(times) == 4
+
+
+class Pilot:
+    """What the pilot reads, with the instants."""
+
+    def __init__(self, world, **options):
+        self.world, self.texts, self.now = world, [], world.NOW
+        options = structs.replace(OPTIONS, **options)
+        self.landing = Landing(options, notify=lambda notice: self.texts.append((self.now, notice)))
+        self.landing.lag_s = 0.0
+
+    def frame(self, after_s, sigma_m=0.1, late_s=0.0):
+        self.now += round(after_s * self.world.S)
+        at = self.now - round(late_s * self.world.S)
+        track = self.world.track(at=at, relative_cov=self.world.diagonal(sigma_m, sigma_m, sigma_m))
+        self.landing.on_tracks((track,), self.world.situation(self.now, vehicle=self.world.state(self.now)))
+
+    def said(self):
+        return [notice.text for _, notice in self.texts]
+
+
+def test_pilot_reads_at_once_why_landing_target_is_withheld_and_when_it_flows_again(world):
+    pilot = Pilot(world)
+    for _ in range(10):
+        pilot.frame(0.1)
+    for _ in range(20):
+        pilot.frame(0.1, sigma_m=0.62)
+    assert pilot.said() == ["LANDING_TARGET withheld: target 0.62 m, limit 0.50"]
+    assert 1.0 < (pilot.texts[0][0] - world.NOW) / world.S - 1.0 <= 1.3
+    for _ in range(60):
+        pilot.frame(0.1, sigma_m=0.2)
+    assert pilot.said()[1:] == ["LANDING_TARGET is sent: target 0.20 m"]
+    assert all(len(text) <= 50 for text in pilot.said())
+
+
+def test_pilot_reads_how_late_the_camera_is(world):
+    pilot = Pilot(world)
+    for _ in range(5):
+        pilot.frame(0.1)
+    for _ in range(20):
+        pilot.frame(0.1, late_s=1.7)
+    assert "LANDING_TARGET withheld: camera 1.7 s late" in pilot.said()
+
+
+def test_pilot_reads_nothing_of_a_gap_below_a_second(world):
+    pilot = Pilot(world)
+    for sigma_m in (0.1, 0.7, 0.7, 0.1, 0.7, 0.1) * 10:
+        pilot.frame(0.3, sigma_m=sigma_m)
+    assert pilot.said() == []
+
+
+def test_pilot_gets_at_most_one_text_in_five_seconds(world):
+    pilot = Pilot(world)
+    for k in range(600):
+        pilot.frame(0.1, sigma_m=0.2 if (k // 15) % 2 else 0.8)
+    at_s = [at / world.S for at, _ in pilot.texts]
+    assert len(at_s) >= 6
+    assert min(np.diff(at_s)) >= 5.0
+    told = [notice.code for _, notice in pilot.texts]
+    assert all(one is not other for one, other in pairwise(told)), "withheld, sent, withheld"
+
+
+def test_status_counts_each_reason_and_how_long_it_lasts(world):
+    pilot = Pilot(world)
+    for _ in range(5):
+        pilot.frame(0.1)
+    for _ in range(8):
+        pilot.frame(0.1, sigma_m=0.9)
+    status = pilot.landing.status(pilot.now)
+    assert (status.sent, status.withheld, status.last_withheld) == (5, {"too_uncertain": 8}, "too_uncertain")
+    assert status.withheld_s == pytest.approx(0.7)

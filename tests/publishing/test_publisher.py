@@ -44,13 +44,13 @@ def test_the_same_flight_gives_the_same_messages(world):
     assert str(first) == str(second)
 
 
-def test_the_landing_target_goes_first_and_with_every_frame_that_has_a_fix(world):
+def test_landing_target_goes_first_and_with_every_frame_until_the_last_fix_is_old(world):
     publisher = Publisher(EVERYTHING)
     sent = publisher.on_tracks((world.track(),), world.situation())
     assert sent[0].name == "LANDING_TARGET"
     publisher, sent = flight(world)
-    assert sum(one.name == "LANDING_TARGET" for one in sent) == 25
-    assert publisher.status().landing.withheld == {"not_confirmed": 25, "no_target": 10}
+    assert sum(one.name == "LANDING_TARGET" for one in sent) == 50
+    assert publisher.status(world.NOW).landing.withheld == {"no_target": 10}
 
 
 def test_only_the_landing_target_goes_to_the_autopilot(world):
@@ -78,10 +78,10 @@ def test_it_wakes_only_in_the_future_and_not_before_there_is_anything(world):
 
 def test_the_status_names_the_selected_target(world):
     publisher, _ = flight(world)
-    assert publisher.status().selected is None
+    assert publisher.status(world.NOW).selected is None
     publisher.on_tracks((world.track(77),), world.situation())
-    assert publisher.status().selected == 77
-    assert publisher.status().selected_by == "best"
+    assert publisher.status(world.NOW).selected == 77
+    assert publisher.status(world.NOW).selected_by == "best"
 
 
 def test_notices_reach_the_ground_with_their_code(world):

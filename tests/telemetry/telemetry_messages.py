@@ -49,8 +49,9 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "signal_quality": 0,
     },
     "SYSTEM_TIME": {"time_unix_usec": 0},
-    "ALTITUDE": {"time_usec": 0, "altitude_relative": 0.0},
+    "ALTITUDE": {"time_usec": 0, "altitude_relative": 0.0, "altitude_monotonic": float("nan")},
     "VFR_HUD": {"alt": 0.0, "climb": 0.0},
+    "SCALED_PRESSURE": {"press_abs": 1013.25, "press_diff": 0.0, "temperature": 2000},
     "GPS_RAW_INT": {"time_usec": 0, "fix_type": 3, "alt": 500_000, "alt_ellipsoid": 547_000, "h_acc": 1_000},
     "EKF_STATUS_REPORT": {"flags": 831, "pos_horiz_variance": 0.1},
     "ESTIMATOR_STATUS": {"flags": 831, "pos_horiz_ratio": 0.1, "pos_horiz_accuracy": 0.4},
@@ -68,6 +69,7 @@ STAMPED = {
     "LOCAL_POSITION_NED",
     "DISTANCE_SENSOR",
     "SYSTEM_TIME",
+    "SCALED_PRESSURE",
 }
 
 

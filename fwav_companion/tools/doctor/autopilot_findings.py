@@ -58,6 +58,7 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     yield from _attitude(evidence, status, where)
     yield from _parameters(evidence, status, where)
     yield from _position(evidence, status, where)
+    yield from _height(status, where)
     yield from _clock(evidence, status)
 
 
@@ -219,6 +220,27 @@ def _trim_deg(parameters: Mapping[str, float]) -> float:
     return parameters.get("PTCH_TRIM_DEG", parameters.get("TRIM_PITCH_CD", 0.0) / 100.0)
 
 
+def _height(status: RunStatus, where: str) -> Iterator[Finding]:
+    """Report a height that a barometer alone shows, and a barometer that cannot show it."""
+    telemetry = status.telemetry
+    if telemetry.height_source is not None and telemetry.height_source.startswith("barometer"):
+        yield Finding(
+            "height_barometric",
+            Level.NOTE,
+            where,
+            problem=f"the height is that of the {telemetry.height_source}: 1 m (one sigma), 1 m more in 10 min",
+            fix='a rangefinder with [ground] model = "rangefinder" where this is too coarse',
+        )
+    elif telemetry.height_source is None and telemetry.barometer_starts_in_air:
+        yield Finding(
+            "height_starts_in_air",
+            Level.WARNING,
+            where,
+            problem="no height: the vehicle was first heard armed, so that its barometer has no mean on the ground",
+            fix='start the service before arming; or a rangefinder, or [ground] model = "fixed"',
+        )
+
+
 def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
     relative = status.telemetry.relative_world
     if evidence.config.vehicle.position != "auto" or status.origin is not None:
@@ -228,7 +250,7 @@ def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
             "no_position",
             Level.WARNING,
             where,
-            problem="no global position came: targets are relative to the vehicle"
+            problem="no global position came: localizes below the camera only, targets are relative to the vehicle"
             if relative
             else "no global position yet",
             fix='wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',

@@ -13,6 +13,7 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.types.flight_status import LandingReport
 from fwav_companion.types.status import RunStatus
 
 WHERE: Final = "[publish] landing_target"
@@ -22,6 +23,21 @@ ROTATION_DOWN: Final = 25
 """PLND_ORIENT, ROTATION_PITCH_270: with this value AC_PrecLand does not turn the vector; the default."""
 FULL_TURN_CDEG: Final = 36_000.0
 SMALL_M: Final = 0.005
+NO_TARGET: Final = "no_target"
+"""Reason of an attempt without a target, which is usual before a landing."""
+LEAST_WITHHELD: Final = 5
+"""Withheld messages from which they are reported: a second without frames has five."""
+WITHHELD_FIXES: Final = {
+    "too_uncertain": "see the budget of a sighting (replay --sightings): calibrate lens and mount, or a higher "
+    "landing_max_sigma_m where the pad is large",
+    "late_frame": "a faster detector or a smaller image: pictures must arrive within 1.5 s of their capture",
+    "not_seen": "a larger tag, or one more for the last metres; check the exposure",
+    "no_frames": "check [vision] source, or that the detector sends to [detections] url",
+    "no_vehicle": "check the autopilot's attitude stream: [rates] attitude",
+    "no_local_position": "request LOCAL_POSITION_NED of the PX4: its position estimate must be valid",
+    "no_height": 'a rangefinder, or [ground] model = "fixed" with height_m',
+    "unknown_autopilot": "only ArduPilot and PX4 read LANDING_TARGET in a known form",
+}
 FRAMES: Final = 20
 """Frames without the landing label before its absence is reported."""
 
@@ -35,6 +51,26 @@ def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]
         yield from _turned(status.parameters)
         yield from _moved(status.parameters)
     yield from _label(evidence, status)
+    yield from _withheld(evidence, status.publishing.landing)
+
+
+def _withheld(evidence: Evidence, landing: LandingReport) -> Iterator[Finding]:
+    """Report the counts of each reason for which the messages of a known target were withheld."""
+    counts = {reason: count for reason, count in landing.withheld.items() if reason != NO_TARGET and count}
+    withheld = sum(counts.values())
+    if withheld < LEAST_WITHHELD:
+        return
+    ordered = sorted(counts, key=lambda reason: (-counts[reason], reason))
+    told = ", ".join(f"{reason} {counts[reason]}" for reason in ordered)
+    if landing.sigma_m is not None:
+        told += f"; newest claim {landing.sigma_m:.2f} m, limit {evidence.config.publish.landing_max_sigma_m:g}"
+    yield Finding(
+        "landing_withheld",
+        Level.WARNING,
+        WHERE,
+        problem=f"LANDING_TARGET was withheld {withheld} times, sent {landing.sent} times: {told}",
+        fix=WITHHELD_FIXES.get(ordered[0], WITHHELD_FIXES["too_uncertain"]),
+    )
 
 
 def _disabled(parameters: Mapping[str, float]) -> Iterator[Finding]:
