@@ -7,6 +7,7 @@ from hearing import codes, consequences, evidence_of, flown, found, heard
 
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
+from fwav_companion.types.flight_status import LandingReport
 from sitl_mock import scenario
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
@@ -237,3 +238,35 @@ def test_a_landing_label_is_only_noted_while_nothing_at_all_is_seen():
 def test_a_landing_label_that_our_own_filter_removes_is_an_error():
     (finding,) = examine(heard(HEALTHY, [LANDING[0], "publish.landing_label=pad", 'detections.labels=["target"]']))
     assert (finding.code, finding.level) == ("landing_label", Level.ERROR)
+
+
+def withheld(evidence, **counts):
+    """The evidence of a service whose landing target was withheld for these reasons."""
+    landing = LandingReport(target=3, sent=40, sigma_m=0.62, withheld=counts)
+    publishing = msgspec.structs.replace(evidence.status.publishing, landing=landing)
+    return msgspec.structs.replace(evidence, status=msgspec.structs.replace(evidence.status, publishing=publishing))
+
+
+def test_landing_target_that_is_withheld_is_named_with_the_counts_of_each_reason():
+    evidence = steered(heard(HEALTHY), heard(HEALTHY).status.parameters)
+    assert found(withheld(evidence, no_target=900, late_frame=2)) == []
+    (finding,) = examine(withheld(evidence, no_target=900, late_frame=3, too_uncertain=70))
+    assert (finding.code, finding.level) == ("landing_withheld", Level.WARNING)
+    assert "73 times, sent 40 times: too_uncertain 70, late_frame 3" in finding.problem
+    assert "0.62 m, limit 0.5" in finding.problem
+    assert "landing_max_sigma_m" in finding.fix
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "code", "level"),
+    [
+        ({"height_source": "barometer (VFR_HUD)"}, "height_barometric", Level.NOTE),
+        ({"height_source": None, "barometer_starts_in_air": True}, "height_starts_in_air", Level.WARNING),
+    ],
+)
+def test_height_by_a_barometer_alone_is_named_and_one_that_cannot_be_used(telemetry, code, level):
+    evidence = heard(HEALTHY)
+    changed = msgspec.structs.replace(evidence.status.telemetry, **telemetry)
+    status = msgspec.structs.replace(evidence.status, telemetry=changed)
+    (finding,) = examine(msgspec.structs.replace(evidence, status=status))
+    assert (finding.code, finding.level) == (code, level)
