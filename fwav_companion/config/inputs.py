@@ -75,11 +75,6 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
         return parse_link_url(self.url)
 
     @property
-    def merges_rate_requests(self) -> bool:
-        """Whether requests for message rates from this link are merged with the service's own."""
-        return self.forward_rate_requests == "merge" and self.role != "autopilot"
-
-    @property
     def byte_budget(self) -> float:
         """Largest number of bytes a second that leave by this link; 0: no limit."""
         url = self.parsed_url

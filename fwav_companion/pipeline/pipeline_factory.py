@@ -128,7 +128,6 @@ def make_pipeline(
             default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
             attitude_message=config.vehicle.attitude_message,
             component=component,
-            merges_requests=any(link.merges_rate_requests for link in config.link),
         ),
         commands=commands,
         telemetry=telemetry,

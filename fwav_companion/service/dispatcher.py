@@ -144,7 +144,8 @@ class Dispatcher:
         """Send, record and log the pipeline's outputs."""
         if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
-            self._node.adopt(self._pipeline.identity.system, self._pipeline.identity.autopilot_component)
+            identity = self._pipeline.identity
+            self._node.adopt(identity.system, identity.autopilot_component, vehicle=identity.vehicle)
             self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)

@@ -124,10 +124,17 @@ class StreamReport(msgspec.Struct, frozen=True, kw_only=True):
 
     wanted_hz: float = 0.0
     asked_hz: float | None = None
-    """Requested rate, Hz; None while the request is held back or denied."""
+    """Requested rate, Hz; None while nothing is requested."""
+    before_hz: float | None = None
+    """Rate before the first request, Hz; None: not known, or with every new value."""
+    before_by: str | None = None
+    """Source of that rate: ``stated`` by the autopilot, or ``measured``; None before it is known."""
+    contradicted: int = 0
+    """Number of rates that the autopilot stated and the arrivals contradicted: the measured rate was used."""
     measured_hz: float | None = None
     """Rate over the last full window since the request was granted, Hz; None before the first window ended."""
     state: str = ""
+    """``asking``, ``granted``, ``denied``, ``unanswered``, ``unsupported``, or ``held_back``: another message serves."""
     undone_by: str | None = None
     """Cause of a recent loss of the rate."""
 

@@ -34,6 +34,11 @@ class Autopilot(msgspec.Struct, frozen=True):
     link: str
     """Name of the link on which the last heartbeat arrived."""
 
+    @property
+    def our_system(self) -> int:
+        """System id that this service sends with: the vehicle's, or 1 where the vehicle's is 0, the address of all."""
+        return self.system or 1
+
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """State of vehicle and clocks at the moment of publishing; rarely needed values are computed on demand."""

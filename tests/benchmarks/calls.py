@@ -173,7 +173,8 @@ class Service:
 
     def _outputs(self, now: HostNs) -> list[bytes]:
         outputs = self.pipeline.take()
-        self._node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
+        identity = self.pipeline.identity
+        self._node.adopt(identity.system, identity.autopilot_component, vehicle=identity.vehicle)
         self._node.share(self.pipeline.own_streams)
         return [data for message in outputs.messages for _, data in self._node.encode(message, now)]
 

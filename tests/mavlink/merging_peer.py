@@ -12,11 +12,11 @@ SET, GET = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_GET_MESSAGE_INT
 
 
 def merging(**how):
-    return peer(merges_requests=True, **how)
+    return peer(**how)
 
 
 def by_itself(them):
-    return dict(them.rates.own_streams.by_itself_hz)
+    return dict(them.rates.own_streams.before_hz)
 
 
 def request(rates, by_group=False, target=(1, 1), system=255):

@@ -36,10 +36,15 @@ class Peer:
         self.parameters = {"SCHED_LOOP_RATE": 400.0}
         self.defaults_hz = {}
         """Messages sent by default; a message that is missing here has no default to be reset to."""
+        self.states_rates, self.hears, self.knows_intervals = True, True, True
+        self.groups = STREAM_MEMBERS
+        self.stated_us = {}
+        """Intervals that it states falsely, by message."""
         self.sent, self.asked, self.replies = [], [], []
         self.acknowledges, self.now = True, T0
 
     def start(self):
+        self.send_defaults()
         self.rates.adopt(autopilot(self.kind), self.now)
         return self
 
@@ -62,21 +67,28 @@ class Peer:
     def deliver(self, message):
         self.rates.on_message(message, self.now)
 
+    def send_defaults(self):
+        for name, hz in self.defaults_hz.items():
+            if name not in self.intervals_ns and hz:
+                self.set_rate(name, hz)
+
     def take(self, out):
         self.sent.append((self.now, out))
+        if not self.hears:
+            return
         fields = out.fields
         if out.name == "COMMAND_LONG" and fields["command"] == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
             self.tell_interval(int(fields["param1"]))
         elif self.is_set_interval(out) and fields["param2"] <= 0.0:
             self.reset(NAMES.get(int(fields["param1"]), ""), fields["param2"])
-        elif self.is_set_interval(out) and int(fields["param1"]) in NAMES:
+        elif self.is_set_interval(out) and int(fields["param1"]) in NAMES and self.knows_intervals:
             name, interval_us = NAMES[int(fields["param1"])], fields["param2"]
             self.asked.append((name, 1e6 / interval_us))
             result = self.result if self.result is not None else self.grant(name, interval_us)
             if self.acknowledges:
                 self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(511, result, 0, 0, 1, 191)))
         elif out.name == "REQUEST_DATA_STREAM":
-            for name in STREAM_MEMBERS.get(fields["req_stream_id"], ()):
+            for name in self.groups.get(fields["req_stream_id"], ()):
                 self.set_rate(name, fields["req_message_rate"])
         elif out.name == "PARAM_REQUEST_READ" and fields["param_id"] in self.parameters:
             value = self.parameters[fields["param_id"]]
@@ -89,9 +101,11 @@ class Peer:
         """Report an interval; for a stopped stream ArduPilot sends -1 and PX4 0."""
         interval_ns = self.intervals_ns.get(NAMES[number])
         stopped = 0 if self.kind is AutopilotKind.PX4 else -1
-        reply = Interval(number, interval_ns // 1000 if interval_ns else stopped)
+        truth = interval_ns // 1000 if interval_ns else stopped
+        reply = Interval(number, self.stated_us.get(NAMES[number], truth))
         if self.acknowledges:
-            self.replies.append(Message("MESSAGE_INTERVAL", 1, 1, "fc", reply))
+            if self.states_rates:
+                self.replies.append(Message("MESSAGE_INTERVAL", 1, 1, "fc", reply))
             self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(510, 0, 0, 0, 1, 191)))
 
     def reset(self, name, interval_us):
@@ -125,14 +139,15 @@ class Peer:
     def reboot(self):
         self.intervals_ns.clear()
         self.replies.clear()
+        self.send_defaults()
 
     def asks_for(self, name):
         return [hz for asked, hz in self.asked if asked == name]
 
 
-def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100, merges_requests=False):
+def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100):
     wanted = default_subscriptions(attitude_hz, 10)
-    return Peer(Rates(wanted, attitude_message=attitude_message, merges_requests=merges_requests), kind)
+    return Peer(Rates(wanted, attitude_message=attitude_message), kind)
 
 
 def status(them, name):

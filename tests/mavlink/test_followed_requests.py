@@ -79,7 +79,7 @@ def test_groups_that_a_station_slows_are_ardupilots_defaults_from_then_on():
     them = merging()
     them.defaults_hz = {"GLOBAL_POSITION_INT": 25.0}
     them.start().run(12)
-    assert by_itself(them)[POSITION] == pytest.approx(25.0)
+    assert status(them, "GLOBAL_POSITION_INT").before_hz == pytest.approx(25.0)
     asked = request(dict.fromkeys(group_ids(6), 2.0), by_group=True)
     assert follow(them, asked) == [(POSITION, 10)], "ours; its former default is no one's any more"
     assert by_itself(them)[POSITION] == 2.0
@@ -134,7 +134,11 @@ def test_an_acknowledgement_of_what_follows_is_not_taken_for_the_answer_to_the_n
     """The quaternion is refused at both rates that are tried; between them comes the answer to a position that
     followed a station's request.
     """
-    them = merging().start()
+    them = merging()
+    them.defaults_hz = {"GLOBAL_POSITION_INT": 10.0}
+    them.start().run(1.99)
+    assert status(them, "ATTITUDE_QUATERNION").before_by is None
+    them.now += 20 * MS
 
     def answer(command, result):
         them.deliver(Message("COMMAND_ACK", 1, 1, "fc", Ack(command, result, 0, 0, 1, 191)))
@@ -142,9 +146,7 @@ def test_an_acknowledgement_of_what_follows_is_not_taken_for_the_answer_to_the_n
     accepted, refused = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_FAILED
     them.rates.on_wake(them.now)
     assert len(them.rates.on_merged_requests([request({POSITION: 1.0})], {}, them.now)) == 1
-    for command, result in ((SET, accepted), (SET, refused), (GET, accepted), (SET, refused)):
-        answer(command, result)
-    them.deliver(Message("MESSAGE_INTERVAL", 1, 1, "fc", Interval(QUATERNION, -1)))
+    answer(SET, refused)
     them.rates.on_wake(them.now)  # the second rate is asked for
     answer(SET, accepted)  # of the position
     assert status(them, "ATTITUDE_QUATERNION").state == "asking"
@@ -181,6 +183,6 @@ def test_an_acknowledgement_for_another_component_moves_nothing():
 
 
 def test_own_streams_name_the_adopted_autopilot():
-    them = merging().start().run(1)
+    them = merging().start().run(3)
     own = them.rates.own_streams
     assert (own.system, own.component) == (autopilot().system, autopilot().component)

@@ -67,7 +67,6 @@ def test_the_kind_follows_from_the_heartbeat(autopilot, kind):
         heartbeat(1, 191, mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID),
         heartbeat(1, 154, mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA),
         heartbeat(2, 1, mavlink.MAV_TYPE_ANTENNA_TRACKER, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA),
-        heartbeat(0, 1),
     ],
 )
 def test_what_is_no_flight_controller_is_never_adopted(nobody):
@@ -76,6 +75,26 @@ def test_what_is_no_flight_controller_is_never_adopted(nobody):
         assert identity.on_message(nobody, T0 + second * S) == ()
         assert identity.on_wake(T0 + second * S) == ()
     assert identity.autopilot is None
+
+
+def test_system_zero_is_adopted_where_it_is_the_one_heard_and_we_speak_as_system_one():
+    """Betaflight: system 0, component 200."""
+    identity = Identity(0)
+    assert identity.on_message(heartbeat(0, 200), T0) == ()
+    (event,) = identity.on_wake(T0 + 3 * S)
+    assert (event.autopilot.system, event.autopilot.component) == (0, 200)
+    assert (identity.system, identity.vehicle, identity.autopilot_component) == (1, 0, 200)
+
+
+def test_system_zero_yields_to_a_vehicle_with_an_id_and_replaces_none():
+    identity = Identity(0)
+    identity.on_message(heartbeat(0, 200), T0)
+    identity.on_message(heartbeat(7, 1), T0 + S)
+    (event,) = identity.on_wake(T0 + 3 * S)
+    assert event.autopilot.system == 7
+    for second in range(4, 90):
+        identity.on_message(heartbeat(0, 200), T0 + second * S)
+    assert identity.autopilot.system == 7
 
 
 def test_a_ground_station_heard_first_does_not_start_the_listening():

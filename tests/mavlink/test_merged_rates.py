@@ -7,8 +7,8 @@ from math import inf
 import pytest
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.router.asked_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_RATES, ONCE_NS, AskedRates
-from fwav_companion.mavlink.router.merged_rates import MergedRates
+from fwav_companion.mavlink.router.station_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_RATES, ONCE_NS, AskedRates
+from fwav_companion.mavlink.router.station_rates import MergedRates
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from sitl_mock.codec import NUMBERS
 
@@ -27,10 +27,10 @@ def request(rates, link="ground", system=255, target=(1, 1), once=None):
 class Table:
     """Two links, and our own requests."""
 
-    def __init__(self, **by_itself_hz):
+    def __init__(self, *, stated=True, **before_hz):
         self.rates = MergedRates(["ground", "tablet"])
-        own = {NUMBERS[name]: hz for name, hz in by_itself_hz.items()}
-        self.rates.share(OwnStreams(1, 1, own), 1)
+        own = {NUMBERS[name]: hz for name, hz in before_hz.items()}
+        self.rates.share(OwnStreams(1, 1, own, frozenset(own) if stated else frozenset()), 1)
 
     def ask(self, now=T0, **how):
         return self.rates.note(request(**how), 1, now)
@@ -50,10 +50,25 @@ def test_what_is_not_asked_for_passes():
     assert Table().cap(HUD) is None
 
 
-def test_attitude_that_is_not_asked_for_passes_at_four_hertz_at_most():
-    assert Table().cap(ATTITUDE) == (4.0, "attitude")
+def test_attitude_of_a_stated_rate_that_is_not_asked_for_passes_at_four_hertz_at_most():
     assert Table(ATTITUDE=100.0, ATTITUDE_QUATERNION=50.0).cap(QUATERNION) == (4.0, "attitude")
+    assert Table(ATTITUDE=100.0).cap(ATTITUDE) == (4.0, "attitude")
     assert Table(ATTITUDE=1.0).cap(ATTITUDE) == (1.0, "attitude")
+    assert Table(ATTITUDE=0.0).cap(ATTITUDE) == (4.0, "attitude"), "where only we asked for it"
+
+
+def test_attitude_that_this_service_knows_nothing_about_passes_as_it_comes():
+    assert Table().cap(ATTITUDE) is None
+
+
+def test_without_a_stated_rate_nothing_is_thinned_below_the_measured_one():
+    table = Table(stated=False, ATTITUDE=12.0, ATTITUDE_QUATERNION=50.0, GLOBAL_POSITION_INT=3.0, GPS_RAW_INT=0.0)
+    assert table.cap(ATTITUDE) == (12.0, "attitude")
+    assert table.cap(QUATERNION) == (50.0, "own_rate")
+    assert table.cap(POSITION) == (3.0, "own_rate")
+    assert table.cap(NUMBERS["GPS_RAW_INT"]) == (0.0, "only_ours")
+    assert Table(stated=False, ATTITUDE=0.0, ATTITUDE_QUATERNION=0.0).cap(ATTITUDE) == (4.0, "attitude")
+    assert Table(stated=False, ATTITUDE_QUATERNION=0.0).cap(QUATERNION) == (0.0, "only_ours")
 
 
 def test_what_the_autopilot_sends_by_itself_passes_at_its_own_rate():

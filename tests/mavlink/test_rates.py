@@ -11,7 +11,7 @@ from fwav_companion.types import AutopilotKind, Message, NoticeCode
 
 
 def test_commands_are_what_pymavlink_packs():
-    them = peer().start().run(1)
+    them = peer().start().run(3)
     commands = [out for _, out in them.sent if out.name == "COMMAND_LONG"]
     packed = [mavlink.MAVLink_command_long_message(**out.fields) for out in commands]
     assert {(one.target_system, one.target_component) for one in packed} == {(1, 1)}

@@ -8,7 +8,7 @@ import pytest
 from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.router.asked_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_ONCE, MAX_RATES, ONCE_NS, AskedRates
+from fwav_companion.mavlink.router.station_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_ONCE, MAX_RATES, ONCE_NS, AskedRates
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.held_transfers import HeldTransfers

@@ -10,7 +10,7 @@ from pathlib import Path
 from frozen import hold
 
 from fwav_companion.links.base import LinkState
-from fwav_companion.mavlink.client.rate_stream import StreamState
+from fwav_companion.mavlink.client.rate_table import RequestState
 from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
 from fwav_companion.self_calibration import CalibrationStatus
@@ -23,7 +23,7 @@ NAMES: dict[str, type[StrEnum]] = {
     "height source": HeightSource,
     "landing withheld": Withheld,
     "link state": LinkState,
-    "rate state": StreamState,
+    "rate state": RequestState,
     "reason": Reason,
     "timesync refused": NotTaken,
     "track state": TrackState,

@@ -30,11 +30,13 @@ def heard_in(data: bytes) -> list[Heard]:
     return Listener().feed(data)
 
 
-def test_arducopter_sends_its_heartbeat_alone_to_a_station_that_asks_for_nothing():
+def test_arducopter_sends_its_heartbeat_and_four_attitudes_a_second_to_a_station_that_asks_for_nothing():
     station = Station("ground")
     flown("arducopter", station)
-    unasked = {"HEARTBEAT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "TIMESYNC", "MESSAGE_INTERVAL"}
-    assert set(station.rates(4.0, 16.0)) <= unasked
+    unasked = {"HEARTBEAT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "TIMESYNC"}
+    rates = station.rates(6.0, 16.0)
+    assert set(rates) <= unasked | {"ATTITUDE", "MESSAGE_INTERVAL"}
+    assert rates["ATTITUDE"] == pytest.approx(4.0, abs=0.3)
 
 
 def test_a_station_that_asks_arducopter_as_mavproxy_does_gets_all_groups_and_nothing_that_only_we_want():
@@ -180,7 +182,7 @@ def test_after_a_reboot_the_autopilots_own_rates_are_learned_again():
     station = Station("ground")
     changes = {"others.reboots_at_s": (10.0,), "autopilot.group_rates_hz": {6: 2.0}}
     network = flown("arducopter", station, seconds=30.0, **changes)
-    assert network.pipeline.own_streams.by_itself_hz[33] == pytest.approx(2.0)
+    assert network.pipeline.own_streams.before_hz[33] == pytest.approx(2.0)
     assert station.rates(18.0, 30.0)["GLOBAL_POSITION_INT"] == pytest.approx(2.0, abs=0.2)
 
 

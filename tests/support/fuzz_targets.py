@@ -90,7 +90,8 @@ class Daemon:
     def flush(self) -> None:
         """Encode everything that would leave: messages for the links, lines for the recording."""
         outputs = self.pipeline.take()
-        self.node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
+        identity = self.pipeline.identity
+        self.node.adopt(identity.system, identity.autopilot_component, vehicle=identity.vehicle)
         self.node.share(self.pipeline.own_streams)
         for outgoing in outputs.messages:
             self.sent += len(self.node.encode(outgoing, self.now))

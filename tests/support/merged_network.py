@@ -170,7 +170,8 @@ class MergedNetwork:
 
     def _flush(self, now: HostNs) -> None:
         outputs = self.pipeline.take()
-        self.node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
+        identity = self.pipeline.identity
+        self.node.adopt(identity.system, identity.autopilot_component, vehicle=identity.vehicle)
         self.node.share(self.pipeline.own_streams)
         self.pipeline.stations_want(self.node.demanded)
         self._outbox.send(outputs.messages, outputs.datagrams, now)

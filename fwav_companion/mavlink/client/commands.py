@@ -66,7 +66,7 @@ class Commands:
 
     def on_message(self, message: Message, situation: Situation) -> list[Outgoing]:
         """Return the acknowledgement and the messages that follow it; empty if the message is not addressed to us."""
-        system = self.system or (situation.autopilot.system if situation.autopilot is not None else 0)
+        system = self.system or (situation.autopilot.our_system if situation.autopilot is not None else 0)
         if system == 0 or (message.system == system and message.component in self._handlers):
             return []
         if message.name == "PING":

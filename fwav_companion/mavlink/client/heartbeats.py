@@ -62,7 +62,7 @@ class Heartbeats:
 def autopilot_from_heartbeat(message: Message) -> Autopilot | None:
     """Return the flight controller that sent a heartbeat; None for every other kind of component."""
     fields = message.fields
-    if fields.autopilot == enums.MAV_AUTOPILOT_INVALID or fields.type in NO_VEHICLES or message.system == 0:
+    if fields.autopilot == enums.MAV_AUTOPILOT_INVALID or fields.type in NO_VEHICLES:
         return None
     return Autopilot(
         system=message.system,

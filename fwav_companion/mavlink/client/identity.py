@@ -45,7 +45,8 @@ class Identity:
     """Adopts one autopilot, follows its heartbeats, and times ours. It reads heartbeats of autopilot links alone.
 
     With ``configured_system`` 0 it listens for three seconds after it first hears an autopilot, and adopts that one if
-    no other was heard. If several were heard, it adopts none of them: a moment of silence of our vehicle must not lead
+    no other was heard. System 0 (Betaflight's) counts only where it is the one heard: any misconfigured device may send
+    with it. If several were heard, it adopts none of them: a moment of silence of our vehicle must not lead
     to the adoption of another one. With a configured system it adopts that system's autopilot at once.
 
     Another autopilot replaces the adopted one only without a configured system, if the adopted one was disarmed when
@@ -76,8 +77,13 @@ class Identity:
     def system(self) -> int:
         """System id of our messages."""
         if self.autopilot is not None:
-            return self.autopilot.system
+            return self.autopilot.our_system
         return self._configured_system or UNASSIGNED_SYSTEM
+
+    @property
+    def vehicle(self) -> int:
+        """System id of our vehicle: ours, unless its autopilot sends with system 0."""
+        return self.system if self.autopilot is None else self.autopilot.system
 
     @property
     def autopilot_component(self) -> int | None:
@@ -140,7 +146,7 @@ class Identity:
             return events + self._consider(heard, now)
         if (heard.system, heard.component) == (self.autopilot.system, self.autopilot.component):
             return events + self._follow(heard, now)
-        if heard.system != self.autopilot.system:
+        if heard.system not in {self.autopilot.system, 0}:
             return events + self._compare(heard, now)
         return events
 
@@ -181,6 +187,8 @@ class Identity:
 
     def _decide(self, now: HostNs) -> tuple[IdentityEvent, ...]:
         self._decide_ns = None
+        if len(self._candidates) > 1:
+            self._candidates.pop(0, None)
         if len(self._candidates) == 1:
             (only,) = self._candidates.values()
             self._candidates.clear()

@@ -214,7 +214,7 @@ class Timesync:
         )
 
     def _own_address(self) -> tuple[int, int]:
-        return (self._autopilot.system if self._autopilot is not None else 0, self._component)
+        return (self._autopilot.our_system if self._autopilot is not None else 0, self._component)
 
     def _target(self, system: int, component: int) -> dict[str, int]:
         """Return the target fields of TIMESYNC version 2 if our definitions have them; ArduPilot's do not."""

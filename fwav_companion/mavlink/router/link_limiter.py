@@ -3,7 +3,7 @@
 Three limits work together; the lowest holds:
 
 - a highest rate of a message: the configuration's ``max_rate_hz``, and caps of merged requests
-  (:mod:`~fwav_companion.mavlink.router.merged_rates`);
+  (:mod:`~fwav_companion.mavlink.router.station_rates`);
 - ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.router.byte_budget`).
   Once a second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
   (:mod:`~fwav_companion.mavlink.router.link_load`);
@@ -21,11 +21,10 @@ from math import inf
 from typing import Final
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.router.asked_rates import AskedRates
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers
 from fwav_companion.mavlink.router.link_load import LoadMeter, StreamKey, common_rate
-from fwav_companion.mavlink.router.merged_rates import Cap, Why
+from fwav_companion.mavlink.router.station_rates import AskedRates, Cap, Why
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS

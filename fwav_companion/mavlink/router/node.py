@@ -12,7 +12,7 @@ from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.link_reports import LinkReports
-from fwav_companion.mavlink.router.merged_rates import Why
+from fwav_companion.mavlink.router.station_rates import Why
 from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
 from fwav_companion.mavlink.router.reading import FrameReader
 from fwav_companion.mavlink.router.routing import SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
@@ -108,11 +108,14 @@ class Node:
         """Clock whose timestamp must be stored; None without a key."""
         return self._keyring.clock
 
-    def adopt(self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1) -> None:
+    def adopt(
+        self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1, *, vehicle: int | None = None
+    ) -> None:
         """Send with the vehicle's system id from now on. ``autopilot``: component id of its autopilot; None before the
-        vehicle is known.
+        vehicle is known. ``vehicle``: its system id where we send with another one; None: the same.
         """
-        self._router.adopt(system, autopilot)
+        sender = system if vehicle is None else vehicle
+        self._router.adopt(system, None if autopilot is None else (sender, autopilot))
 
     def share(self, own: OwnStreams) -> None:
         """Take the requests of this service: they alone do not send a message to links that merge requests."""

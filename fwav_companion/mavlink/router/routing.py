@@ -9,7 +9,7 @@
 4. Never SETUP_SIGNING, which carries a key. Never to an autopilot's link: RADIO and RADIO_STATUS, which an autopilot
    takes for those of its own radio, and ADSB_VEHICLE, which it would avoid.
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
-   If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.merged_rates`).
+   If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.station_rates`).
 
 The peers of a link are forgotten when it goes down, and each one after a silence. When the clock of a system
 (SYSTEM_TIME) goes back and stays back, its components that have been silent since then are forgotten. Frames are
@@ -25,7 +25,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
-from fwav_companion.mavlink.router.merged_rates import MergedRates
+from fwav_companion.mavlink.router.station_rates import MergedRates
 from fwav_companion.mavlink.router.peer_tables import PeerTables
 from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.wire.definitions import BY_NAME
@@ -123,11 +123,13 @@ class Port:
 
 
 class Router:
-    """Routing tables of all links. ``system`` is the vehicle's id, which is also ours."""
+    """Routing tables of all links. ``system`` is our id, and the vehicle's unless that is 0."""
 
     def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
         self.ports = [Port(index, policy, MAX_FLOWS // len(policies)) for index, policy in enumerate(policies)]
         self.system = system
+        self.vehicle = system
+        """System id of the vehicle: ours, unless the autopilot sends with system 0."""
         self.components = components
         self._autopilot: int | None = None
         """Autopilot's (system << 8 | component); None before the vehicle is known."""
@@ -140,9 +142,10 @@ class Router:
         self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
-    def adopt(self, system: int, autopilot: int | None) -> None:
-        """Set the vehicle's system id, which is also ours, and its autopilot's component id."""
-        sender = None if autopilot is None else system << 8 | autopilot
+    def adopt(self, system: int, autopilot: tuple[int, int] | None) -> None:
+        """Set our system id, and (system, component) of the vehicle's autopilot."""
+        sender = None if autopilot is None else autopilot[0] << 8 | autopilot[1]
+        self.vehicle = system if autopilot is None else autopilot[0]
         if system == self.system and sender == self._autopilot:
             return
         renamed = system != self.system

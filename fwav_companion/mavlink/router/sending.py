@@ -74,7 +74,7 @@ class Sender:
                 return [port for port in ports if port.is_gcs or (through_autopilot and port.is_autopilot)]
             case Destination.AUTOPILOT:
                 autopilots = [port for port in ports if port.is_autopilot]
-                return [port for port in autopilots if port.hears_system(self._router.system)] or autopilots
+                return [port for port in autopilots if port.hears_system(self._router.vehicle)] or autopilots
             case Destination.REPLY:
                 return self._port_of_reply(outgoing, ports)
 

@@ -61,13 +61,15 @@ class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OwnStreams(msgspec.Struct, frozen=True):
-    """Messages that this service requests from the adopted autopilot."""
+    """Messages of the adopted autopilot whose present rate this service requested."""
 
     system: int
     component: int
-    by_itself_hz: Mapping[int, float]
-    """Rate by message id at which the autopilot sends without our request, hertz; 0: never; inf: with every new
-    value."""
+    before_hz: Mapping[int, float]
+    """Rate by message id before our request, hertz; 0: the message did not come; inf: with every new value. A message
+    that is not here comes at the autopilot's own rate."""
+    stated: frozenset[int] = frozenset()
+    """Ids of the messages whose rate before our request the autopilot states; the others were measured."""
 
 
 def rate_request(frame: RawFrame, link: str) -> RateRequest | None:

@@ -110,7 +110,8 @@ class Hearing:
         return self._now
 
     def _flushed(self, now: HostNs) -> list[bytes]:
-        self._node.adopt(self._pipeline.identity.system, self._pipeline.identity.autopilot_component)
+        identity = self._pipeline.identity
+        self._node.adopt(identity.system, identity.autopilot_component, vehicle=identity.vehicle)
         self._node.share(self._pipeline.own_streams)
         frames = self._to_autopilot(self._pipeline.take().messages, now)
         if self._crossed:

@@ -1,0 +1,246 @@
+"""Keeps what the stations of each link request, and derives the rate of each message of the autopilot on each link.
+
+The autopilot sends every message at the highest rate that this service or a station requests. Each link then gets:
+
+1. a message that a station there requests: at the highest rate requested there, until the station has been silent for
+   a minute;
+2. a message whose rate is ours (:class:`~fwav_companion.mavlink.wire.rate_messages.OwnStreams`): at the rate that was
+   there before our request, or that a station on another link requests; without either, it does not go there;
+3. every other message: at the rate at which it arrives;
+4. attitude that no station there requests: at a display's rate of 4 Hz at most, where the autopilot states its rates.
+   Where it does not, it passes at the rate that was measured before our request, and ATTITUDE at 4 Hz at least.
+
+QGroundControl ignores ATTITUDE permanently once it has seen one ATTITUDE_QUATERNION. ATTITUDE_QUATERNION therefore goes
+only to links on which a station requests it, or if the autopilot sends it by itself; a request on another link does not
+count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
+from math import inf
+from typing import Final
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.router.never_thinned import is_telemetry
+from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
+
+FORGOTTEN_NS: Final = 60 * NS_PER_S
+"""Time after a station's last heartbeat or request at which its rates are dropped."""
+MAX_ASKERS: Final = 8
+"""Stations remembered on one link; beyond it, the one silent for longest is dropped."""
+MAX_RATES: Final = 128
+"""Rates remembered for one station: twice what ArduPilot's groups hold. Unknown messages are not remembered."""
+ONCE_NS: Final = 3 * NS_PER_S
+"""Time for which an answer to REQUEST_MESSAGE is awaited: it covers the retries of a station."""
+MAX_ONCE: Final = 32
+QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
+ATTITUDE_ID: Final = BY_NAME["ATTITUDE"].msgid
+ATTITUDE_IDS: Final = frozenset({ATTITUDE_ID, QUATERNION_ID})
+UNASKED_ATTITUDE_HZ: Final = 4.0
+"""Rate of attitude that no station requests: enough for a horizon on a display."""
+AUTOPILOT_COMPONENT: Final = 1
+"""MAV_COMP_ID_AUTOPILOT1: assumed component of the autopilot until one is adopted."""
+
+
+class _Asker(msgspec.Struct):
+    """Requests of one station, which is identified by (system << 8 | component)."""
+
+    heard_ns: HostNs
+    rates: dict[tuple[int, int], float]
+    """Rate by (target system, message id), hertz; 0: the station requested a stop."""
+
+
+class AskedRates:
+    """Requests of the stations on one link. The highest requested rate counts."""
+
+    def __init__(self) -> None:
+        self._askers: dict[int, _Asker] = {}
+        self._once_ns: dict[int, HostNs] = {}
+
+    def note(self, request: RateRequest, now: HostNs) -> bool:
+        """Remember a request. Returns True if a rate changed."""
+        if request.once is not None:
+            return self._note_once(request.once, now)
+        asker = self._askers.get(request.sender)
+        if asker is None:
+            asker = self._add(request.sender, now)
+        asker.heard_ns = now
+        before = dict(asker.rates)
+        for msgid, hz in request.rates.items():
+            key = (request.target_system, msgid)
+            if hz is None:
+                asker.rates.pop(key, None)
+            elif key in asker.rates or (msgid in DEFINITIONS and len(asker.rates) < MAX_RATES):
+                asker.rates[key] = hz
+        return asker.rates != before
+
+    def heard(self, sender: int, now: HostNs) -> None:
+        """Note a heartbeat of (system << 8 | component) on this link."""
+        asker = self._askers.get(sender)
+        if asker is not None:
+            asker.heard_ns = now
+
+    def expire(self, now: HostNs) -> bool:
+        """Drop silent stations. Returns True if there were any."""
+        silent = [sender for sender, asker in self._askers.items() if now - asker.heard_ns > FORGOTTEN_NS]
+        for sender in silent:
+            del self._askers[sender]
+        for msgid in [msgid for msgid, until in self._once_ns.items() if until < now]:
+            del self._once_ns[msgid]
+        return bool(silent)
+
+    def asked_hz(self, system: int, msgid: int) -> float | None:
+        """Return the highest rate that a station requests from the system for the message, hertz; None without a
+        request.
+        """
+        asked = [
+            hz
+            for asker in self._askers.values()
+            for target in (system, 0)
+            if (hz := asker.rates.get((target, msgid))) is not None
+        ]
+        return max(asked, default=None)
+
+    def asked_ids(self, system: int) -> Iterable[int]:
+        """Return the ids of the messages for which a station requests a rate from the system."""
+        return {msgid for asker in self._askers.values() for target, msgid in asker.rates if target in {system, 0}}
+
+    def take_once(self, msgid: int, now: HostNs) -> bool:
+        """Return whether a single message of this id is awaited here, and end the wait."""
+        return bool(self._once_ns) and self._once_ns.pop(msgid, HostNs(0)) >= now
+
+    def _note_once(self, msgid: int, now: HostNs) -> bool:
+        if len(self._once_ns) >= MAX_ONCE:
+            self._once_ns.clear()
+        self._once_ns[msgid] = HostNs(now + ONCE_NS)
+        return False
+
+    def _add(self, sender: int, now: HostNs) -> _Asker:
+        if len(self._askers) >= MAX_ASKERS:
+            del self._askers[min(self._askers, key=lambda one: self._askers[one].heard_ns)]
+        asker = self._askers[sender] = _Asker(now, {})
+        return asker
+
+
+class Why(StrEnum):
+    """Reason why a message leaves by a link at a lower rate than it arrives."""
+
+    MAX_RATE = "max_rate_hz"
+    """The link's configuration names the message."""
+    ASKED = "asked"
+    """A station on the link requests this rate."""
+    STOPPED = "stopped"
+    """A station on the link requested a stop."""
+    ONLY_OURS = "only_ours"
+    """Only this service requests the message."""
+    OWN_RATE = "own_rate"
+    """Only this service requests more than came before its request, or than other links request."""
+    ATTITUDE = "attitude"
+    """No station on the link requests attitude."""
+    BYTES = "max_bytes_per_s"
+    """The link's budget of bytes is used up."""
+    RADIO = "radio_status"
+    """The radio's send buffer fills."""
+
+
+class Cap(msgspec.Struct, frozen=True):
+    """The highest rate of one message on one link, hertz; 0: it does not leave there."""
+
+    hz: float
+    why: Why
+
+
+class MergedLink(msgspec.Struct):
+    """One link whose requests are merged."""
+
+    asked: AskedRates
+    caps: dict[int, Cap]
+    """Caps by message id, for the adopted autopilot's messages."""
+
+
+class MergedRates:
+    """Tables of all links whose requests are merged, by link name."""
+
+    def __init__(self, links: Sequence[str]) -> None:
+        self.links = {name: MergedLink(AskedRates(), {}) for name in links}
+        self.own = OwnStreams(0, AUTOPILOT_COMPONENT, {})
+        self.demanded: Mapping[int, float] = {}
+        """Highest rate that any station requests from the autopilot, hertz, by message id."""
+
+    def share(self, own: OwnStreams, system: int) -> bool:
+        """Set the requests of this service. ``system``: our system id. Returns True if caps may have changed."""
+        if own == self.own or not self.links:
+            return False
+        self.own = own
+        self.refresh(system)
+        return True
+
+    def note(self, request: RateRequest, system: int, now: HostNs) -> bool:
+        """Add a station's request. Returns True if caps may have changed."""
+        link = self.links.get(request.link)
+        component = self.own.component
+        if link is None or not request.reaches(request.target_system, component):
+            return False
+        changed = link.asked.note(request, now)
+        if changed:
+            self._refresh(request.rates, system)
+        return changed
+
+    def heard(self, link: str, sender: int, now: HostNs) -> None:
+        """Note a heartbeat of (system << 8 | component) on a link."""
+        if link in self.links:
+            self.links[link].asked.heard(sender, now)
+
+    def expire(self, system: int, now: HostNs) -> bool:
+        """Drop silent stations. Returns True if caps may have changed."""
+        fell_silent = [link.asked.expire(now) for link in self.links.values()]
+        if any(fell_silent):
+            self.refresh(system)
+        return any(fell_silent)
+
+    def refresh(self, system: int) -> None:
+        """Recompute every cap."""
+        asked = {msgid for link in self.links.values() for msgid in link.asked.asked_ids(system)}
+        self.demanded = {}
+        for link in self.links.values():
+            link.caps = {}
+        self._refresh(self.own.before_hz.keys() | asked | ATTITUDE_IDS, system)
+
+    def _refresh(self, msgids: Iterable[int], system: int) -> None:
+        """Recompute the caps of these messages. A table that was handed out is replaced, not changed."""
+        demanded = dict(self.demanded)
+        for link in self.links.values():
+            link.caps = dict(link.caps)
+        for msgid in msgids:
+            asked = {name: link.asked.asked_hz(system, msgid) for name, link in self.links.items()}
+            demanded[msgid] = max((hz for hz in asked.values() if hz is not None), default=0.0)
+            for name, link in self.links.items():
+                elsewhere = [hz for other, hz in asked.items() if other != name and hz is not None]
+                cap = self._cap(msgid, asked[name], max(elsewhere, default=0.0))
+                if cap is not None and is_telemetry(msgid):
+                    link.caps[msgid] = cap
+                else:
+                    link.caps.pop(msgid, None)
+        self.demanded = {msgid: hz for msgid, hz in demanded.items() if hz > 0.0}
+
+    def _cap(self, msgid: int, asked_hz: float | None, elsewhere_hz: float) -> Cap | None:
+        if asked_hz is not None:
+            return Cap(asked_hz, Why.ASKED if asked_hz > 0.0 else Why.STOPPED)
+        before_hz = self.own.before_hz.get(msgid)
+        if before_hz is None:
+            return None
+        if msgid != QUATERNION_ID:
+            before_hz = max(before_hz, elsewhere_hz)
+        stated = msgid in self.own.stated
+        if msgid == ATTITUDE_ID and (before_hz == 0.0 or not stated):
+            return Cap(max(before_hz, UNASKED_ATTITUDE_HZ), Why.ATTITUDE)
+        if before_hz == 0.0:
+            return Cap(0.0, Why.ONLY_OURS)
+        if msgid in ATTITUDE_IDS and stated:
+            return Cap(min(before_hz, UNASKED_ATTITUDE_HZ), Why.ATTITUDE)
+        return None if before_hz == inf else Cap(before_hz, Why.OWN_RATE)
