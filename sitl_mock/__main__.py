@@ -10,6 +10,7 @@ from pathlib import Path
 from sitl_mock import live, recording
 from sitl_mock.arguments import (
     LONGEST_S,
+    AUTOPILOT_LIST,
     MISTAKES,
     SCENARIO_LIST,
     OneLineParser,
@@ -61,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="sitl-mock",
         description="Mock autopilot with a camera: MAVLink over a link, detections as datagrams, the truth in a file.",
-        epilog=f"{SCENARIO_LIST}\n\nexample:\n  sitl-mock --connect udpout:127.0.0.1:14540 "
+        epilog=f"{AUTOPILOT_LIST}\n\n{SCENARIO_LIST}\n\nexample:\n  sitl-mock --connect udpout:127.0.0.1:14540 "
         "--detections 127.0.0.1:14601 --scenario late_camera --set flight.height_m=10 --truth truth.jsonl",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

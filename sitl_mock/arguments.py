@@ -12,6 +12,7 @@ from typing import Any, NoReturn, get_type_hints
 
 import msgspec
 
+from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.options import Options, TargetOptions
 from sitl_mock.scenarios import SCENARIOS, scenario
 
@@ -26,6 +27,9 @@ _WIDTH = max(map(len, SCENARIOS)) + 2
 SCENARIO_LIST = "scenarios:\n" + "\n".join(
     f"  {name:{_WIDTH}}{description}" for name, (description, _) in SCENARIOS.items()
 )
+AUTOPILOT_LIST = "autopilots:\n" + "\n".join(
+    f"  {name:{_WIDTH}}{description}" for name, (description, _) in AUTOPILOTS.items()
+)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -37,7 +41,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds --scenario, --seed, --seconds, --target and --set."""
+    """Adds --scenario, --autopilot, --seed, --seconds, --target and --set."""
     add = parser.add_argument
     add(
         "--scenario",
@@ -45,6 +49,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         default="default",
         help="scenario from the list below; the default is its first",
     )
+    add("--autopilot", metavar="NAME", default="", help="autopilot from the list below; default: the scenario's")
     add("--seed", type=int, default=1, help="seed of all drawn values; default %(default)s")
     add("--seconds", type=float, default=0.0,
         help="duration of the flight; default: until stopped; with --record the scenario's own, else 60")  # fmt: skip
@@ -74,7 +79,7 @@ def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options
     """
     if not 0.0 <= chosen.seconds <= LONGEST_S:
         raise ValueError(f"--seconds {chosen.seconds:g}: expected a duration in seconds, at most {LONGEST_S:g}")
-    options = scenario(chosen.scenario).but({"seed": chosen.seed})
+    options = scenario(chosen.scenario).but({"seed": chosen.seed}).but(_autopilot(chosen.autopilot))
     options = options.but({"seconds": chosen.seconds or endless_s or options.seconds})
     if chosen.target:
         options = options.but({"targets": tuple(_target(text) for text in chosen.target)})
@@ -122,6 +127,13 @@ def _of_its_kind(options: Options, key: str, value: Any) -> Any:
 @cache
 def _kinds_of(options: type[Any]) -> dict[str, Any]:
     return get_type_hints(options, include_extras=True)
+
+
+def _autopilot(name: str) -> dict[str, Any]:
+    """Differences of the named autopilot; none for "". Raises KeyError for an unknown name."""
+    if name and name not in AUTOPILOTS:
+        raise KeyError(f"--autopilot {name}: expected one of {', '.join(AUTOPILOTS)}")
+    return AUTOPILOTS[name][1] if name else {}
 
 
 def _target(text: str) -> TargetOptions:

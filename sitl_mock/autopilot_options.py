@@ -14,8 +14,14 @@ from sitl_mock.option_types import NotNegative, PositionShift, Positive, Triple
 class AutopilotOptions:
     """The autopilot and its MAVLink behaviour."""
 
-    firmware: Literal["ardupilot", "px4"] = "ardupilot"
-    """Firmware: HEARTBEAT.autopilot and everything that depends on it."""
+    firmware: Literal["ardupilot", "px4", "inav", "betaflight"] = "ardupilot"
+    """Firmware: HEARTBEAT.autopilot and everything that depends on it. betaflight: no body rates in
+    ATTITUDE."""
+    answers: Literal["all", "ack_only", "groups_only", "nothing"] = "all"
+    """What the autopilot does with received messages. ack_only: GET_MESSAGE_INTERVAL is acknowledged, and no
+    MESSAGE_INTERVAL follows. groups_only: REQUEST_DATA_STREAM is heeded in silence, all else is ignored. nothing: a
+    one-way wire."""
+    mavlink_version: Literal[1, 2] = 2
     landing_consumer: Literal["", "ardupilot_old", "ardupilot_new", "px4"] = ""
     """Rules for LANDING_TARGET. Empty: px4 on PX4, else ardupilot_new."""
     system_id: int = 1
@@ -62,7 +68,7 @@ class AutopilotOptions:
     has_quaternion: bool = True
     """Whether ATTITUDE_QUATERNION is available."""
     knows_set_message_interval: bool = True
-    streams: Literal["", "arducopter", "arduplane", "px4_normal", "px4_onboard"] = ""
+    streams: Literal["", "arducopter", "arduplane", "px4_normal", "px4_onboard", "inav", "betaflight"] = ""
     """Streams sent before any request, and the rules for requests: see :mod:`sitl_mock.streams`."""
     group_rates_hz: dict[int, float] = field(default_factory=dict)
     """SRn_* by MAV_DATA_STREAM, where ``streams`` is one of ArduPilot's."""

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from pymavlink.dialects.v10 import ardupilotmega as first_dialect
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 MESSAGES: dict[str, Any] = {cls.msgname: cls for cls in dialect.mavlink_map.values()}
+FIRST_MESSAGES: dict[str, Any] = {cls.msgname: cls for cls in first_dialect.mavlink_map.values()}
+"""Messages of MAVLink 1, without extension fields."""
 NAMES: dict[int, str] = {number: cls.msgname for number, cls in dialect.mavlink_map.items()}
 NUMBERS: dict[str, int] = {name: number for number, name in NAMES.items()}
 
@@ -23,13 +26,17 @@ class Heard(NamedTuple):
 class Speaker:
     """Encoder of one component, with its own sequence counter."""
 
-    def __init__(self, system: int, component: int) -> None:
+    def __init__(self, system: int, component: int, version: int = 2) -> None:
         self.system, self.component = system, component
-        self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._messages = FIRST_MESSAGES if version == 1 else MESSAGES
+        codec = first_dialect if version == 1 else dialect
+        self._mav = codec.MAVLink(None, srcSystem=system, srcComponent=component)
 
     def frame(self, name: str, fields: dict[str, Any]) -> bytes:
-        """Encodes a message as a MAVLink 2 frame."""
-        packed: bytes = bytes(MESSAGES[name](**fields).pack(self._mav))
+        """Encodes a message."""
+        message = self._messages[name]
+        known = {key: value for key, value in fields.items() if key in message.fieldnames}
+        packed: bytes = bytes(message(**known).pack(self._mav))
         self._mav.seq = (self._mav.seq + 1) % 256
         return packed
 

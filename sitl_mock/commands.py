@@ -29,6 +29,7 @@ class Commands:
         reboot_soon: Callable[[int], None],
     ) -> None:
         self._broadcast, self._radio, self._do_arm, self._reboot_soon = broadcast, radio, arm, reboot_soon
+        self._states_nothing = options.answers == "ack_only"
         self._table = {
             REBOOT: self._reboot,
             ARM: self._arm,
@@ -84,6 +85,8 @@ class Commands:
 
     def _get_interval(self, number: float, _param2: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
+        if self._states_nothing:
+            return ACCEPTED
         known = self._broadcast.knows(name)
         interval_us = self._broadcast.streams.reported_interval_us(name) if known else 0
         fields = {"message_id": int(number) % 65536, "interval_us": interval_us}

@@ -15,7 +15,9 @@ class Radio:
 
     def __init__(self, options: Options, start_host_ns: int) -> None:
         self._wire = Wire(options.downlink, start_host_ns, Random(f"{options.seed}/downlink"))
-        self._speaker = Speaker(options.autopilot.system_id, options.autopilot.component_id)
+        self._speaker = Speaker(
+            options.autopilot.system_id, options.autopilot.component_id, options.autopilot.mavlink_version
+        )
         self._down_until = start_host_ns
         self._out: list[tuple[int, bytes]] = []
 

@@ -7,7 +7,8 @@ from typing import Any
 from sitl_mock.autopilot_options import AutopilotOptions
 
 FLAPPING_WING = 16
-ARDUPILOT, PX4 = 3, 12
+AUTOPILOTS = {"ardupilot": 3, "px4": 12, "inav": 0, "betaflight": 0}
+"""MAV_AUTOPILOT; 0: GENERIC."""
 ARMED, STABILIZED, CUSTOM = 128, 16, 1
 
 
@@ -16,7 +17,7 @@ def heartbeat(options: AutopilotOptions, armed: bool) -> dict[str, Any]:
     px4 = options.firmware == "px4"
     return {
         "type": FLAPPING_WING,
-        "autopilot": PX4 if px4 else ARDUPILOT,
+        "autopilot": AUTOPILOTS[options.firmware],
         "base_mode": CUSTOM | STABILIZED | (ARMED if armed else 0),
         "custom_mode": 0x04040000 if px4 else 10,
         "system_status": 4 if armed else 3,

@@ -5,11 +5,13 @@
 - "": a mixture that suits most flights of this mock, not that of a real autopilot;
 - ``arducopter``: only its heartbeat, since SRn_* (MAVn_* from 4.7 on) are 0 on a copter;
 - ``arduplane``: every group at 1 Hz;
-- ``px4_normal``, ``px4_onboard``: PX4's MAV_n_MODE Normal and Onboard.
+- ``px4_normal``, ``px4_onboard``: PX4's MAV_n_MODE Normal and Onboard;
+- ``inav``, ``betaflight``: their telemetry with the attitude's rate (mavlink_extra1_rate) raised from 3 and 2 to 10 Hz,
+  and the position's (mavlink_pos_rate) from 2 to 5 Hz.
 
 Sources: ArduPilot 4.7, libraries/GCS_MAVLink/GCS_MAVLink_Parameters.cpp (groups and their default rates) and
 GCS_Common.cpp (set_message_interval, handle_request_data_stream); PX4 1.14, src/modules/mavlink/mavlink_main.cpp
-(configure_streams_to_default) and mavlink_receiver.cpp.
+(configure_streams_to_default) and mavlink_receiver.cpp; INAV 8 and Betaflight 4, src/main/telemetry/mavlink.c.
 """
 
 from __future__ import annotations
@@ -122,6 +124,36 @@ GROUP_PARAMETERS = {
     11: "SR1_EXTRA2",
     12: "SR1_EXTRA3",
 }
+INAV_HZ = {
+    "HEARTBEAT": 1.0,
+    "SYSTEM_TIME": 1.0,
+    "SYS_STATUS": 2.0,
+    "RC_CHANNELS": 1.0,
+    "GPS_RAW_INT": 5.0,
+    "GLOBAL_POSITION_INT": 5.0,
+    "GPS_GLOBAL_ORIGIN": 5.0,
+    "ATTITUDE": 10.0,
+    "VFR_HUD": 2.0,
+    "BATTERY_STATUS": 1.0,
+}
+INAV_GROUPS = {
+    2: ("SYS_STATUS",),
+    3: ("RC_CHANNELS",),
+    6: ("GPS_RAW_INT", "GLOBAL_POSITION_INT", "GPS_GLOBAL_ORIGIN"),
+    10: ("ATTITUDE",),
+    11: ("VFR_HUD",),
+    12: ("BATTERY_STATUS",),
+}
+"""Messages of each MAV_DATA_STREAM in INAV; HEARTBEAT and SYSTEM_TIME are in none."""
+BETAFLIGHT_HZ = {
+    "HEARTBEAT": 2.0,
+    "SYS_STATUS": 2.0,
+    "GPS_RAW_INT": 5.0,
+    "GLOBAL_POSITION_INT": 5.0,
+    "GPS_GLOBAL_ORIGIN": 5.0,
+    "ATTITUDE": 10.0,
+    "VFR_HUD": 2.0,
+}
 CEILING = 0.8
 """Fraction of SCHED_LOOP_RATE above which ArduPilot refuses a rate."""
 
@@ -133,7 +165,8 @@ class Streams:
         self._o = options
         self._is_px4 = options.firmware == "px4"
         by_vehicle_hz = 1.0 if options.streams == "arduplane" else 0.0
-        self._group_hz = self._booted_hz = dict.fromkeys(GROUPS, by_vehicle_hz) | options.group_rates_hz
+        self._groups = INAV_GROUPS if options.streams == "inav" else GROUPS
+        self._group_hz = self._booted_hz = dict.fromkeys(self._groups, by_vehicle_hz) | options.group_rates_hz
         self.defaults_hz = self._defaults()
         self.rates_hz = dict(self.defaults_hz)
         self.generation: dict[str, int] = {}
@@ -185,7 +218,8 @@ class Streams:
         """New rate of each message in the group of a REQUEST_DATA_STREAM; empty on PX4, which ignores the request."""
         if self._is_px4 and self._o.streams:
             return {}
-        chosen = {number: GROUPS[number]} if number in GROUPS else GROUPS if number == 0 else {}
+        groups = self._groups
+        chosen = {number: groups[number]} if number in groups else groups if number == 0 else {}
         for each in chosen:
             self._group_hz[each] = rate_hz
         return {name: rate_hz for names in chosen.values() for name in names}
@@ -200,7 +234,12 @@ class Streams:
         if self._o.streams in {"arducopter", "arduplane"}:
             by_group = {name: self._group_hz[number] for number, names in GROUPS.items() for name in names}
             return {"HEARTBEAT": 1.0, **{name: hz for name, hz in by_group.items() if hz}, **self._o.rates_hz}
-        usual = {"px4_normal": PX4_NORMAL_HZ, "px4_onboard": PX4_ONBOARD_HZ}.get(self._o.streams)
+        usual = {
+            "px4_normal": PX4_NORMAL_HZ,
+            "px4_onboard": PX4_ONBOARD_HZ,
+            "inav": INAV_HZ,
+            "betaflight": BETAFLIGHT_HZ,
+        }.get(self._o.streams)
         if usual is None:
             usual = PX4_HZ if self._is_px4 else ARDUPILOT_HZ
         return {**usual, **self._o.rates_hz}

@@ -88,11 +88,12 @@ class Telemetry:
         else:
             delay_s = 1.0 / self._a.loop_rate_hz if self._a.stamp_delay_s is None else self._a.stamp_delay_s
             of_ns = host_ns - round(self._rng.uniform(0.0, delay_s) * 1e9)
-        return (stamp_ms, *self._belief.attitude(self.flight_s(of_ns)))
+        euler, rates = self._belief.attitude(self.flight_s(of_ns))
+        return stamp_ms, euler, (0.0, 0.0, 0.0) if self._a.firmware == "betaflight" else rates
 
     def _attitude(self, host_ns: int) -> Fields:
         stamp_ms, (roll, pitch, yaw), (p, q, r) = self._attitude_now(host_ns)
-        if self._a.firmware != "px4" and not self._a.flight_options & TRIM_STAYS_BIT:
+        if self._a.firmware == "ardupilot" and not self._a.flight_options & TRIM_STAYS_BIT:
             pitch -= radians(self._a.pitch_trim_deg)
         return {
             "time_boot_ms": stamp_ms,

@@ -134,8 +134,12 @@ class MockVehicle:
             return
         for heard in self._listener.feed(piece):
             self.heard[heard.name] = self.heard.get(heard.name, 0) + 1
-            if heard.name in self._handlers and self._is_for_us(heard):
+            if heard.name in self._handlers and self._answers(heard.name) and self._is_for_us(heard):
                 self._handlers[heard.name](heard, at_ns)
+
+    def _answers(self, name: str) -> bool:
+        answers = self._o.autopilot.answers
+        return answers in {"all", "ack_only"} or (answers == "groups_only" and name == "REQUEST_DATA_STREAM")
 
     def _is_for_us(self, heard: Heard) -> bool:
         o = self._o.autopilot

@@ -96,6 +96,8 @@ def _of_the_autopilot(
         case Adopted(autopilot):
             where = f"system {autopilot.system}" + (f", on link {autopilot.link!r}" if autopilot.link else "")
             text = f"autopilot found: {autopilot.kind.value}, {where}"
+            if autopilot.system == 0:
+                text += ": it can be sent no request, its rates stay as they are; we speak as system 1"
             return Notice(NoticeCode.AUTOPILOT_FOUND, Severity.INFO, text)
         case SeveralHeard(systems):
             numbers = ", ".join(map(str, systems))

@@ -219,7 +219,7 @@ class RateRow:
             self._pause_ns, self.next_ask_ns = FIRST_PAUSE_NS, None
             return None
         if self.is_shown_only:
-            risen = hz > max(RISEN * (self.before_hz or 0.0), SHOWN * self.granted_hz)
+            risen = hz > (RISEN * self.before_hz if self.before_hz else SHOWN * self.granted_hz)
             self.state = RequestState.GRANTED if risen else silence
         if self.next_ask_ns is None:
             self.wait(now)

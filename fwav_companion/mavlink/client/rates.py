@@ -78,8 +78,9 @@ class Rates:
         self._begin_dialogue()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
-        self.gate: Callable[[HostNs], bool] = lambda _now: True
-        """Whether our requests may be sent now: closed while another exchange must have the link to itself."""
+        self.gate: Callable[[HostNs], bool] | None = None
+        """Returns whether our requests may be sent now: closed while another exchange must have the link to itself.
+        None: always open."""
         self.own_streams = OwnStreams(0, 1, {})
         """Messages whose rate is ours, with their rates without our requests."""
         self.wake_at: HostNs | None = None
@@ -89,6 +90,13 @@ class Rates:
     def wanted_attitude_hz(self) -> float:
         """Configured rate of ATTITUDE, hertz."""
         return self._wanted.get(ATTITUDE, 0.0)
+
+    @property
+    def are_taken(self) -> bool:
+        """Whether no request has failed yet, or one was granted."""
+        rows = self._rows.values()
+        granted = any(row.state is RequestState.GRANTED and row.is_asked for row in rows)
+        return granted or not any(row.state in SILENT | {RequestState.REFUSED} for row in rows)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -208,7 +216,7 @@ class Rates:
             self._check(autopilot, now)
         asked: list[Outgoing] = []
         if self._takes_requests:
-            if self.gate(now):
+            if self.gate is None or self.gate(now):
                 self._gate_ns = HostNs(0)
                 asked = [*self._reconcile(autopilot, now), *self._one_shots.on_wake(now)]
             else:

@@ -8,6 +8,12 @@ from typing import Final
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.rate_findings import (
+    ATTITUDES_A_SWING,
+    rate_setting,
+    rates_not_taken,
+    takes_no_requests,
+)
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.flight_status import ClockReport
 from fwav_companion.types.network_status import REQUESTS, PeerStatistics, StreamReport
@@ -16,8 +22,6 @@ from fwav_companion.types.status import RunStatus
 ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 REACHED: Final = 0.85
 """Least share of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
-TOLERABLE_MOTION_HZ: Final = 10.0
-"""Attitudes needed a wing beat: the wanted rate is at least ten times the flapping frequency."""
 LOOP_SHARE: Final = 0.8
 """Largest message rate as a share of SCHED_LOOP_RATE: ArduPilot refuses a shorter interval."""
 SMALL_TRIM_DEG: Final = 0.1
@@ -130,8 +134,11 @@ def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
             )
         return
     wanted_hz, measured_hz = evidence.config.rates.attitude, measured_attitude_hz(status)
+    taken = not takes_no_requests(status)
     undone_by = next((stream.undone_by for stream in status.rates.values() if _is_undone(stream)), "")
-    if undone_by and measured_hz is not None:
+    if not taken:
+        yield rates_not_taken(status, source, wanted_hz)
+    elif undone_by and measured_hz is not None:
         level = Level.WARNING if measured_hz < REACHED * wanted_hz else Level.NOTE
         yield Finding(
             "rates_undone",
@@ -144,14 +151,14 @@ def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
     elif measured_hz is not None and measured_hz < REACHED * wanted_hz:
         yield _slow(evidence, status, measured_hz)
     if telemetry.too_slow_for_motion and status.adopted_s >= MEASURED_S:
-        rate_hz = max(wanted_hz, TOLERABLE_MOTION_HZ * telemetry.motion_hz)
+        rate_hz = max(wanted_hz, ATTITUDES_A_SWING * telemetry.motion_hz)
         source_hz = telemetry.rates_hz.get(source, 0.0)
         yield Finding(
             "too_slow_for_motion",
             Level.WARNING,
             where,
             problem=f"{source} at {source_hz:.0f} Hz does not show motion of {telemetry.motion_hz:.1f} Hz",
-            fix=f"[rates] attitude = {rate_hz:.0f}, on a link that carries it",
+            fix=f"[rates] attitude = {rate_hz:.0f}, on a link that carries it" if taken else rate_setting(status, rate_hz),
         )
 
 
@@ -188,7 +195,8 @@ def _slow(evidence: Evidence, status: RunStatus, measured_hz: float) -> Finding:
         problem=f"{source} arrives at {measured_hz:.0f} Hz, {wanted_hz:.0f} Hz were requested"
         + (f" and {granted_hz:.0f} Hz granted" if refused else "")
         + (f"; the vehicle swings by {57.3 * swing:.1f} deg" if SWING_MATTERS < swing < SWING_UNKNOWN else ""),
-        fix="a faster link, fewer other streams on it, SCHED_LOOP_RATE on ArduPilot, the link's mode (Onboard) on PX4",
+        fix="a faster link, fewer other streams on it, SCHED_LOOP_RATE on ArduPilot, the link's mode (Onboard) on PX4; "
+        "INAV sends at most 50 Hz: lower [rates] attitude",
     )
 
 

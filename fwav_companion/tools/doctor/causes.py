@@ -51,6 +51,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "no_attitude": frozenset({"stale_attitude", "attitude_gap"}),
     "loop_rate": SLOW,
     "rates_undone": SLOW,
+    "rates_not_taken": SLOW | {"timesync_unanswered"},
     "attitude_slow": SLOW - {"attitude_slow"},
     "too_slow_for_motion": OF_MOUNTS,
     "timesync_unanswered": BY_CLOCK,

@@ -60,6 +60,8 @@ def _streams(status: RunStatus) -> Iterator[str]:
         if stream.asked_hz is not None:
             measured = "not yet measured" if stream.measured_hz is None else f"{stream.measured_hz:.1f} Hz"
             yield f"  {name}: {measured} of {stream.asked_hz:g} Hz requested ({stream.state}){_undone(stream)}"
+        elif stream.measured_hz:
+            yield f"  {name}: {stream.measured_hz:.1f} Hz as it comes"
 
 
 def _undone(stream: StreamReport) -> str:
