@@ -9,8 +9,8 @@ from pathlib import Path
 
 from sitl_mock import live, recording
 from sitl_mock.arguments import (
-    LONGEST_S,
     AUTOPILOT_LIST,
+    LONGEST_S,
     MISTAKES,
     SCENARIO_LIST,
     OneLineParser,

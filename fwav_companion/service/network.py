@@ -7,13 +7,14 @@ from difflib import get_close_matches
 
 from fwav_companion.config import Config
 from fwav_companion.config.room_options import link_policies, signing_policy
+from fwav_companion.config.rules import CAMERA_COMPONENT_ID
 from fwav_companion.errors import ConfigError, EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.mavlink.wire.definitions import BY_NAME
-from fwav_companion.pipeline.pipeline_factory import WANTED, own_components
+from fwav_companion.pipeline.pipeline_factory import WANTED
 from fwav_companion.service.journal import Journal
 from fwav_companion.types import Outgoing
 
@@ -25,7 +26,9 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
     """
     _require_message_names(config)
     signing = signing_policy(config, signing_key, signing_timestamp)
-    return Node(link_policies(config), WANTED, components=sorted(own_components(config)), signing=signing)
+    return Node(
+        link_policies(config), WANTED, components=(config.vehicle.component_id, CAMERA_COMPONENT_ID), signing=signing
+    )
 
 
 def _require_message_names(config: Config) -> None:

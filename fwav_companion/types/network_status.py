@@ -134,7 +134,7 @@ class StreamReport(msgspec.Struct, frozen=True, kw_only=True):
     measured_hz: float | None = None
     """Rate over the last full window since the request was granted, Hz; None before the first window ended."""
     state: str = ""
-    """``asking``, ``granted``, ``denied``, ``unanswered``, ``unsupported``, or ``held_back``: another message serves."""
+    """``asking``, ``granted``, ``denied``, ``unanswered``, ``unsupported``; ``held_back``: another message serves."""
     undone_by: str | None = None
     """Cause of a recent loss of the rate."""
 

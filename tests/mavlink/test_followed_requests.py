@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from merging_peer import ATTITUDE, GET, GPS, HUD, POSITION, QUATERNION, SET, by_itself, follow, merging, request
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from rates_peer import MS, Ack, Interval, autopilot, status
+from rates_peer import MS, Ack, autopilot, status
 
 from fwav_companion.mavlink.client.ack_order import AckOrder
 from fwav_companion.mavlink.wire.stream_groups import group_ids

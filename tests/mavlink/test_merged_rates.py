@@ -7,8 +7,14 @@ from math import inf
 import pytest
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.router.station_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_RATES, ONCE_NS, AskedRates
-from fwav_companion.mavlink.router.station_rates import MergedRates
+from fwav_companion.mavlink.router.station_rates import (
+    FORGOTTEN_NS,
+    MAX_ASKERS,
+    MAX_RATES,
+    ONCE_NS,
+    AskedRates,
+    MergedRates,
+)
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from sitl_mock.codec import NUMBERS
 

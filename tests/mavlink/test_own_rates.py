@@ -90,9 +90,9 @@ def test_what_an_interval_means_on_each_autopilot(kind, interval_us, hz):
     them = merging(kind=kind)
     them.stated_us = {"SYSTEM_TIME": interval_us}
     them.start().run(4)
-    assert them.rates._rows["SYSTEM_TIME"].before_hz == hz
+    assert them.rates._loop.rows["SYSTEM_TIME"].before_hz == hz
     them.deliver(Message("MESSAGE_INTERVAL", 1, 1, "fc", Interval(2, 10_000)))
-    assert them.rates._rows["SYSTEM_TIME"].before_hz == hz, "a later answer is to a station's question"
+    assert them.rates._loop.rows["SYSTEM_TIME"].before_hz == hz, "a later answer is to a station's question"
 
 
 @pytest.mark.parametrize("stated_hz", [0.0, 1.0, 100.0])

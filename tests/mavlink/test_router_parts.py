@@ -8,13 +8,20 @@ import pytest
 from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.router.station_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_ONCE, MAX_RATES, ONCE_NS, AskedRates
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.held_transfers import HeldTransfers
 from fwav_companion.mavlink.router.link_load import MAX_STREAMS, LoadMeter
 from fwav_companion.mavlink.router.own_frames import MAX_SENT, OwnFrames
 from fwav_companion.mavlink.router.peers import PeerClock
+from fwav_companion.mavlink.router.station_rates import (
+    FORGOTTEN_NS,
+    MAX_ASKERS,
+    MAX_ONCE,
+    MAX_RATES,
+    ONCE_NS,
+    AskedRates,
+)
 from fwav_companion.mavlink.wire.definitions import DEFINITIONS
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
 from sitl_mock.codec import NUMBERS

@@ -52,6 +52,7 @@ class Question(msgspec.Struct):
 
     @property
     def most_tries(self) -> int:
+        """Number of tries after which no answer is expected."""
         return LEARN_TRIES if self.asked in {Asked.RATE, Asked.DEFAULT} else MAX_TRIES
 
 

@@ -72,6 +72,9 @@ class RateRow:
         """Last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
         self._undone_ns = HostNs(0)
         self._asked_ns: HostNs | None = None
+        self.state = RequestState.ASKING
+        self.next_ask_ns: HostNs | None = None
+        """Time of the next request; None: none is due."""
         self.forget_before()
         self.need(need_hz, HostNs(0))
 
@@ -82,7 +85,7 @@ class RateRow:
         self.shown_hz: float | None = None
         """First stated rate, hertz, which the arrivals must agree with; inf: with every new value."""
         self.stated_hz: float | None = None
-        """Stated rate without a request of ours, hertz; another than the first one only after an earlier run of ours."""
+        """Stated rate without a request of ours, hertz: differs from the first after an earlier run of ours."""
         self.before_hz: float | None = None
         """Rate before our first request, hertz; None: not known yet."""
         self.is_stated = False
@@ -140,7 +143,7 @@ class RateRow:
         self.state = RequestState.ASKING
         self.is_shown_only = False
         """Whether no acknowledgement follows the request: arrivals alone show its outcome."""
-        self.next_ask_ns: HostNs | None = now
+        self.next_ask_ns = now
         self._plateau_hz: float | None = None
         self._pause_ns = FIRST_PAUSE_NS
 

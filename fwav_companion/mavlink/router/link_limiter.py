@@ -24,9 +24,9 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers
 from fwav_companion.mavlink.router.link_load import LoadMeter, StreamKey, common_rate
-from fwav_companion.mavlink.router.station_rates import AskedRates, Cap, Why
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
+from fwav_companion.mavlink.router.station_rates import AskedRates, Cap, Why
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
 from fwav_companion.types.network_status import LinkThinning, ThinnedMessage
 

@@ -12,19 +12,19 @@ from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.link_reports import LinkReports
-from fwav_companion.mavlink.router.station_rates import Why
 from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
 from fwav_companion.mavlink.router.reading import FrameReader
 from fwav_companion.mavlink.router.routing import SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
 from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
+from fwav_companion.mavlink.router.station_rates import Why
 from fwav_companion.mavlink.router.statistics import StatisticsTaker
 from fwav_companion.mavlink.wire.definitions import BY_NAME
-from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1, MAV_RESULT_TEMPORARILY_REJECTED
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
-from fwav_companion.types import Message, Notice, Outgoing
+from fwav_companion.types import Destination, Message, Notice, Outgoing
 from fwav_companion.types.network_status import LinkStatistics
 
 __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
@@ -84,8 +84,10 @@ class Node:
         signing: SigningPolicy | None = None,
     ) -> None:
         """Start with all links up. ``wanted``: names of the messages to decode. ``components``: ids of our
-        components.
+        components, the companion's first.
         """
+        components = tuple(components)
+        self._companion = next(iter(components), MAV_COMP_ID_AUTOPILOT1)
         self._keyring = Keyring(signing)
         self._router = Router(links, UNADOPTED_SYSTEM, frozenset(components))
         self._sender = Sender(self._router, self._keyring)
@@ -108,9 +110,7 @@ class Node:
         """Clock whose timestamp must be stored; None without a key."""
         return self._keyring.clock
 
-    def adopt(
-        self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1, *, vehicle: int | None = None
-    ) -> None:
+    def adopt(self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1, *, vehicle: int | None = None) -> None:
         """Send with the vehicle's system id from now on. ``autopilot``: component id of its autopilot; None before the
         vehicle is known. ``vehicle``: its system id where we send with another one; None: the same.
         """
@@ -313,11 +313,33 @@ class Node:
             port.stopped += request.by_group or any(out.is_autopilot for out in outs)
             return tuple(out for out in outs if not out.is_autopilot)
         if any(out.is_autopilot for out in outs):
+            rationed = request.once is None and port.merges_rate_requests
+            if rationed and not port.ration.takes(request.sender, now):
+                port.stopped += 1
+                received.forwards += self._reject(port, request, now)
+                return ()
             self._router.note(request, now)
             if request.once is None:
                 passed = PassedRequest(request, merged=port.merges_rate_requests)
                 received.rate_requests = [*received.rate_requests, passed]
         return outs
+
+    def _reject(self, port: Port, request: RateRequest, now: HostNs) -> list[tuple[str, bytes]]:
+        """Return the answer to a request beyond the ration; no answer exists for one by message."""
+        if request.command is None:
+            return []
+        fields = {
+            "command": request.command,
+            "result": MAV_RESULT_TEMPORARILY_REJECTED,
+            "progress": 0,
+            "result_param2": 0,
+            "target_system": request.system,
+            "target_component": request.component,
+        }
+        answer = Outgoing(
+            name="COMMAND_ACK", fields=fields, to=Destination.REPLY, component=self._companion, link=port.name
+        )
+        return self._sender.encode(answer, now)
 
 
 def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:

@@ -25,9 +25,10 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
-from fwav_companion.mavlink.router.station_rates import MergedRates
 from fwav_companion.mavlink.router.peer_tables import PeerTables
 from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.ration import Ration
+from fwav_companion.mavlink.router.station_rates import MergedRates
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.flow_table import MAX_FLOWS
 from fwav_companion.mavlink.wire.frames import RawFrame
@@ -101,6 +102,8 @@ class Port:
         """Frames of a second program with the ids of a component of ours."""
         self.stopped = 0
         """Rate requests that were not forwarded."""
+        self.ration = Ration()
+        """Ration of rate requests, where they are merged."""
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0

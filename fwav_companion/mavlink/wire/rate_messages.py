@@ -42,6 +42,8 @@ class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Rate by message id, hertz. 0: stop. None: the receiver's own default."""
     by_group: bool = False
     """Whether it is a REQUEST_DATA_STREAM, which names a group of ArduPilot's messages."""
+    command: int | None = None
+    """Number of the command that carries it; None for a message, which is not acknowledged."""
     once: int | None = None
     """Id of a message that is requested a single time (REQUEST_MESSAGE)."""
 
@@ -101,7 +103,7 @@ def _asked(msgid: int, fields: Any) -> dict[str, Any] | None:
     if not (isfinite(fields.param1) and 0 <= fields.param1 <= HIGHEST_ID):
         return None
     if fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL and isfinite(fields.param2):
-        return {"rates": {int(fields.param1): _hz(fields.param2)}}
+        return {"rates": {int(fields.param1): _hz(fields.param2)}, "command": fields.command}
     if fields.command == enums.MAV_CMD_REQUEST_MESSAGE:
         return {"once": int(fields.param1)}
     return None

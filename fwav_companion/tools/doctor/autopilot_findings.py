@@ -158,7 +158,9 @@ def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
             Level.WARNING,
             where,
             problem=f"{source} at {source_hz:.0f} Hz does not show motion of {telemetry.motion_hz:.1f} Hz",
-            fix=f"[rates] attitude = {rate_hz:.0f}, on a link that carries it" if taken else rate_setting(status, rate_hz),
+            fix=f"[rates] attitude = {rate_hz:.0f}, on a link that carries it"
+            if taken
+            else rate_setting(status, rate_hz),
         )
 
 
