@@ -26,6 +26,7 @@ from fwav_companion.config import Config
 from fwav_companion.tools.doctor.detection_findings import DETECTION_REFUSALS, FRAME_REFUSALS
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.types import NoticeCode, Reason
+from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.scenarios import SCENARIOS
 
 REMEDIES: Final[Mapping[Reason, str]] = {
@@ -251,7 +252,14 @@ def scenarios_page() -> str:
         "`sitl-mock --scenario NAME` flies one, `--record DIR` writes it to files at once, `--set KEY=VALUE` changes\n"
         "an option. The seed (`--seed`) decides every error. What one names but does not show is as in `default`.\n"
     )
-    return "\n".join([intro, "| scenario | flight |", "|---|---|", *rows, ""])
+    autopilots = [row(f"`{name}`", text) for name, (text, _) in AUTOPILOTS.items()]
+    others = (
+        "## Other autopilots\n\n"
+        "`sitl-mock --autopilot NAME` replaces the scenario's autopilot; the flight stays. In a second terminal\n"
+        "`fwav-companion run` and then `check` show what the service does with it.\n"
+    )
+    scenarios = [intro, "| scenario | flight |", "|---|---|", *rows, ""]
+    return "\n".join([*scenarios, others, "| autopilot | behaviour |", "|---|---|", *autopilots, ""])
 
 
 def finding_rows(source: str) -> Iterator[str]:
