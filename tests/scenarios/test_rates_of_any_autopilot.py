@@ -125,7 +125,7 @@ HZ = st.sampled_from([0.0, 0.5, 1.0, 3.0, 10.0, 25.0])
     streams=st.sampled_from(["", "arducopter", "px4_normal"]),
     knows=st.booleans(),
     ceiling_hz=st.sampled_from([0.0, 2.0, 18.0]),
-    own=st.fixed_dictionaries({name: HZ for name in (*TELEMETRY, "ATTITUDE_QUATERNION")}),
+    own=st.fixed_dictionaries(dict.fromkeys((*TELEMETRY, "ATTITUDE_QUATERNION"), HZ)),
     stated=st.sampled_from([None, -1, 0, 40_000, 2_000_000]),
 )
 def test_a_station_never_receives_less_than_what_arrived_before_our_request(

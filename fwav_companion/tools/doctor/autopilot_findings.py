@@ -67,8 +67,8 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
 
 
 def _systems(heard: Iterable[PeerStatistics]) -> list[int]:
-    """The vehicles among these senders: an autopilot is component 1."""
-    return sorted({peer.system for peer in heard if peer.component == 1})
+    """The vehicles among these senders: an autopilot is component 1, and Betaflight's sends with system 0."""
+    return sorted({peer.system for peer in heard if peer.component == 1 or peer.system == 0})
 
 
 def _heard(evidence: Evidence, status: RunStatus) -> list[PeerStatistics]:
@@ -108,7 +108,9 @@ def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             Level.ERROR,
             "[vehicle] system_id",
             problem=f"autopilot {numbers} is heard, and {configured} is configured",
-            fix=f"set [vehicle] system_id = {systems[0]}, or 0 to adopt the one that is heard",
+            fix=f"set [vehicle] system_id = {systems[0]}, or 0 to adopt the one that is heard"
+            if systems[0]
+            else "set [vehicle] system_id = 0, which adopts the one that is heard",
         )
     elif heard:
         yield Finding(

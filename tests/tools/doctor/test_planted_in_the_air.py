@@ -17,6 +17,7 @@ from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
 from fwav_companion.tools.doctor.run_status import run_status
 from sitl_mock import scenario, simulate
+from sitl_mock.autopilots import AUTOPILOTS
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
 
@@ -50,6 +51,30 @@ def test_a_fault_of_the_vehicle_is_named(code):
     findings = examine(heard(HEALTHY.but(VEHICLES[code])))
     assert code in codes(findings)
     assert all(finding.problem and finding.fix for finding in findings)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "hz", "fix"),
+    [("betaflight", 10, "mavlink_extra1_rate = 50"), ("mute", 4, "our TX on its RX")],
+)
+def test_a_vehicle_that_takes_no_rate_requests_is_named_with_what_it_cannot_show(autopilot, hz, fix):
+    findings = examine(heard(HEALTHY.but({**AUTOPILOTS[autopilot][1], "seconds": 14.0})))
+    (finding,) = [each for each in findings if each.code == "rates_not_taken"]
+    assert f"ATTITUDE at {hz} Hz as it comes; enough for a camera that swings below {hz / 10:g} Hz" in finding.problem
+    assert fix in finding.fix
+    assert "attitude_slow" not in codes(findings)
+
+
+def test_a_vehicle_that_states_no_rates_and_grants_them_has_no_finding_about_rates():
+    named = codes(examine(heard(HEALTHY.but(AUTOPILOTS["ack-only"][1]))))
+    assert set(named) <= {"attitude_gap"}, "attitudes were slow while they were measured"
+
+
+def test_a_vehicle_of_system_zero_is_named_where_another_system_is_configured():
+    findings = examine(heard(HEALTHY.but(AUTOPILOTS["betaflight"][1]), ["vehicle.system_id=1"]))
+    (finding,) = [each for each in findings if each.code == "other_autopilot"]
+    assert finding.problem == "autopilot 0 is heard, and 1 is configured"
+    assert finding.fix == "set [vehicle] system_id = 0, which adopts the one that is heard"
 
 
 def nanoseconds(frame):
