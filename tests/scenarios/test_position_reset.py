@@ -14,7 +14,7 @@ from fwav_companion.types import NoticeCode
 from sitl_mock import Options, scenario
 
 AT_S, JUMP = 8.0, (4.0, -3.0)
-RESET = scenario("default", Options(seed=4)).but(
+RESET = scenario("default", Options(seed=2)).but(
     {
         "seconds": 14.0,
         "autopilot.position_shifts": ((AT_S, AT_S, *JUMP),),

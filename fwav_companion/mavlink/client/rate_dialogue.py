@@ -25,7 +25,7 @@ DEFAULT_US = 0
 """param2 of SET_MESSAGE_INTERVAL for the autopilot's own rate (common.xml)."""
 
 
-class Asked(Enum):
+class QuestionKind(Enum):
     """What a question is about."""
 
     RATE = auto()
@@ -41,7 +41,7 @@ class Asked(Enum):
 class Question(msgspec.Struct):
     """The one request whose answer is awaited."""
 
-    asked: Asked
+    kind: QuestionKind
     msgid: int
     row: RateRow | None = None
     hz: float = 0.0
@@ -53,7 +53,7 @@ class Question(msgspec.Struct):
     @property
     def most_tries(self) -> int:
         """Number of tries after which no answer is expected."""
-        return LEARN_TRIES if self.asked in {Asked.RATE, Asked.DEFAULT} else MAX_TRIES
+        return LEARN_TRIES if self.kind in {QuestionKind.RATE, QuestionKind.DEFAULT} else MAX_TRIES
 
 
 class RateDialogue:
@@ -77,8 +77,8 @@ class RateDialogue:
         question.acknowledged = False
         self.question = question
         msgid, row = question.msgid, question.row
-        if question.asked in {Asked.RATE, Asked.DEFAULT}:
-            reset = self.set_rate(autopilot, msgid, DEFAULT_US, now) if question.asked is Asked.DEFAULT else []
+        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
+            reset = self.set_rate(autopilot, msgid, DEFAULT_US, now) if question.kind is QuestionKind.DEFAULT else []
             self._acks.sent(GET, question, now)
             return [*reset, command(autopilot, self._component, GET, msgid)]
         interval_us = round(1e6 / question.hz) if row is None else row.interval_us
@@ -109,6 +109,6 @@ class RateDialogue:
     def stated(self, message: Message) -> Question | None:
         """Return the pending question that a MESSAGE_INTERVAL answers."""
         question = self.question
-        if question is None or question.asked not in {Asked.RATE, Asked.DEFAULT}:
+        if question is None or question.kind not in {QuestionKind.RATE, QuestionKind.DEFAULT}:
             return None
         return question if question.msgid == message.fields.message_id else None

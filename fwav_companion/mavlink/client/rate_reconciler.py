@@ -12,7 +12,7 @@ from math import inf
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.arrivals_before import ArrivalsBefore
-from fwav_companion.mavlink.client.rate_dialogue import Asked, Question, RateDialogue
+from fwav_companion.mavlink.client.rate_dialogue import QuestionKind, Question, RateDialogue
 from fwav_companion.mavlink.client.rate_merging import ROUNDING, FollowUp, follow_up
 from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, RateRow, RequestState
 from fwav_companion.mavlink.client.subscriptions import DATA_STREAMS
@@ -101,11 +101,11 @@ class RateReconciler:
         # stream has 0 there); in common.xml and ArduPilot, -1 means disabled.
         unlimited = interval_us < 0 and autopilot.kind is AutopilotKind.PX4
         row.stated_hz = 1e6 / interval_us if interval_us > 0 else inf if unlimited else 0.0
-        if question.asked is Asked.RATE:
+        if question.kind is QuestionKind.RATE:
             row.shown_hz = row.stated_hz
             like_ours = abs(row.shown_hz - row.need_hz) <= SAME_RATE * row.need_hz
             if like_ours and not _is_never_sent_by_itself(autopilot, row):
-                self._learning = Question(Asked.DEFAULT, row.msgid, row)
+                self._learning = Question(QuestionKind.DEFAULT, row.msgid, row)
                 return
         row.is_learned = True
 
@@ -160,7 +160,7 @@ class RateReconciler:
         if self._states_rates is not False:
             for row in self.rows.values():
                 if not row.is_learned:
-                    return self._ask(autopilot, Question(Asked.RATE, row.msgid, row), now)
+                    return self._ask(autopilot, Question(QuestionKind.RATE, row.msgid, row), now)
         if now >= self.before.enough_at:
             self._settle_before(autopilot, now)
         return []
@@ -174,7 +174,7 @@ class RateReconciler:
                     if asked:
                         return asked
                     continue
-                return self._ask(autopilot, Question(Asked.INTERVAL, row.msgid, row), now)
+                return self._ask(autopilot, Question(QuestionKind.INTERVAL, row.msgid, row), now)
         if self._wishes and not self.is_unsupported:
             number, msgid, hz = self._wishes.popleft()
             if number is not None:
@@ -182,12 +182,12 @@ class RateReconciler:
                     self._dialogue.set_group(autopilot, number, hz),
                     *self._behind_group(autopilot, number, hz, now),
                 ]
-            return self._ask(autopilot, Question(Asked.WISH, msgid, hz=hz), now)
+            return self._ask(autopilot, Question(QuestionKind.WISH, msgid, hz=hz), now)
         return []
 
     def _ask(self, autopilot: Autopilot, question: Question, now: HostNs) -> list[Outgoing]:
         asked, row = self._dialogue.ask(autopilot, question, now), question.row
-        if question.asked is Asked.INTERVAL and row is not None:
+        if question.kind is QuestionKind.INTERVAL and row is not None:
             asked_hz = 1e6 / row.interval_us
             for hz in (row.kept_hz, self.demanded.get(row.msgid, 0.0)):
                 if hz > ROUNDING * asked_hz:
@@ -251,7 +251,7 @@ class RateReconciler:
         accepted = fields.result == enums.MAV_RESULT_ACCEPTED
         unsupported = fields.result == enums.MAV_RESULT_UNSUPPORTED
         row = question.row
-        if question.asked in {Asked.RATE, Asked.DEFAULT}:
+        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
             if not accepted and row is not None:  # no statement follows; an accepted one is awaited
                 self._dialogue.question, row.is_learned = None, True
                 if unsupported and self._states_rates is None:
@@ -274,7 +274,7 @@ class RateReconciler:
         row = question.row
         if row is None:
             return []
-        if question.asked in {Asked.RATE, Asked.DEFAULT}:
+        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
             row.is_learned = True
             if self._states_rates is None:
                 self._states_rates = False

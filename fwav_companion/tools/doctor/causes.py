@@ -27,7 +27,7 @@ UNHEARD: Final = frozenset(
     {"no_autopilot", "autopilot_lost", "no_attitude", "no_position", "landmark_without_sights", *CLOCK, *SLOW}
 )
 """Findings that follow where the vehicle's link is not heard."""
-UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", *CLOCK, *SLOW})
+UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", "rates_not_taken", *CLOCK, *SLOW})
 """Findings that follow while the autopilot ignores this service."""
 UNSEEN: Final = frozenset({"no_camera", "no_detections", "stale_detections", "landing_label", "landmark_unseen"})
 UNUSED: Final = frozenset({"landing_label", "landmark_unseen", "fixes_disagree"})
@@ -47,7 +47,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "outdated_signatures": UNHEARD | UNDELIVERED,
     "no_signing_key": UNDELIVERED,
     "loss": SLOW | CLOCK,
-    "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone"},
+    "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone", "rates_not_taken"},
     "no_attitude": frozenset({"stale_attitude", "attitude_gap"}),
     "loop_rate": SLOW,
     "rates_undone": SLOW,

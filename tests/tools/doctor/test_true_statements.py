@@ -187,7 +187,7 @@ def test_an_autopilot_with_a_key_that_we_lack_is_not_blamed_on_the_wire():
     streams = {"autopilot.rates_hz": {"ATTITUDE": 4.0, "GLOBAL_POSITION_INT": 4.0}}
     (finding,) = examine(heard(HEALTHY.but(streams), on_the_way_in=signed_by_the_autopilot(KEY), ignored=True))
     assert finding.code == "no_signing_key"
-    assert {"timesync_unanswered", "attitude_slow"} <= consequences(finding)
+    assert {"timesync_unanswered", "rates_not_taken"} <= consequences(finding)
 
 
 @pytest.mark.parametrize(
