@@ -12,7 +12,7 @@ from math import inf
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.arrivals_before import ArrivalsBefore
-from fwav_companion.mavlink.client.rate_dialogue import QuestionKind, Question, RateDialogue
+from fwav_companion.mavlink.client.rate_dialogue import Question, QuestionKind, RateDialogue
 from fwav_companion.mavlink.client.rate_merging import ROUNDING, FollowUp, follow_up
 from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, RateRow, RequestState
 from fwav_companion.mavlink.client.subscriptions import DATA_STREAMS
