@@ -13,6 +13,7 @@ from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock import scenario, simulate
+from sitl_mock.autopilots import AUTOPILOTS
 
 RADIUS_OF_95 = 2.4477
 """Radius of a circular distribution that holds 95 %, in sigmas: sqrt(-2 ln 0.05)."""
@@ -267,3 +268,9 @@ def test_positions_that_stop_are_not_called_missing_gps():
     assert len(texts) == 1
     assert "stopped" in texts[0]
     assert "GPS" not in texts[0]
+
+
+def test_slow_attitudes_of_an_autopilot_that_grants_no_rate_are_not_blamed_on_others():
+    flown = flight("unbiased", **AUTOPILOTS["mute"][1])
+    text = flown.companion.texts(NoticeCode.NOT_READY_SLOW_ATTITUDE)[0]
+    assert text.endswith("the autopilot answers no rate request: set its telemetry rate, or lower [rates] attitude")

@@ -87,7 +87,7 @@ class Components:
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
-            takes_rates=self.rates.are_taken,
+            rate_trouble=self.rates.trouble,
             clock_sigma_s=self.telemetry.clock.sigma_s_at(now),
             frames_hz=camera.frames_hz(now),
             frame_age_s=camera.frame_age_s(now),

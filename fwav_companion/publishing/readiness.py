@@ -79,8 +79,8 @@ class Readiness(msgspec.Struct, frozen=True, kw_only=True):
     attitude_hz: float
     """Rate of the attitudes, Hz; 0 while no attitude arrives."""
     wanted_attitude_hz: float
-    takes_rates: bool = True
-    """Whether the autopilot takes requests for message rates."""
+    rate_trouble: str = ""
+    """What the autopilot does with requests for message rates if it grants none; "" otherwise."""
     clock_sigma_s: float
     """One sigma of the autopilot's clock, seconds; infinite while it is unknown."""
     frames_hz: float
@@ -130,8 +130,8 @@ def obstacle(readiness: Readiness, reported: NoticeCode | None = None) -> Obstac
     enough = RECOVERED if reported is NoticeCode.NOT_READY_SLOW_ATTITUDE else SLOW
     if readiness.attitude_hz < enough * readiness.wanted_attitude_hz:
         rates = f"attitude at {readiness.attitude_hz:.0f} Hz, wanted {readiness.wanted_attitude_hz:.0f} Hz"
-        if not readiness.takes_rates:
-            text = f"{rates}; the autopilot takes no rate requests: set its telemetry rate, or lower [rates] attitude"
+        if readiness.rate_trouble:
+            text = f"{rates}; the autopilot {readiness.rate_trouble}: set its telemetry rate, or lower [rates] attitude"
             return Obstacle(NoticeCode.NOT_READY_SLOW_ATTITUDE, text)
         limits = "raise SCHED_LOOP_RATE (ArduPilot) or MAV_0_RATE (PX4)"
         text = f"{rates}: {limits}, stop other programs that set rates, or lower [rates] attitude"

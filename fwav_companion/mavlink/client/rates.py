@@ -68,11 +68,17 @@ class Rates:
         return self._wanted.get(ATTITUDE, 0.0)
 
     @property
-    def are_taken(self) -> bool:
-        """Whether no request has failed yet, or one was granted."""
+    def trouble(self) -> str:
+        """What the autopilot does with our requests if none was granted and one failed; "" otherwise."""
         rows = self._loop.rows.values()
-        granted = any(row.state is RequestState.GRANTED and row.is_asked for row in rows)
-        return granted or not any(row.state in SILENT | {RequestState.REFUSED} for row in rows)
+        states = {row.state for row in rows}
+        if any(row.state is RequestState.GRANTED and row.is_asked for row in rows):
+            return ""
+        if RequestState.UNSUPPORTED in states:
+            return "takes no rate requests"
+        if RequestState.UNANSWERED in states:
+            return "answers no rate request"
+        return "refuses rate requests" if RequestState.REFUSED in states else ""
 
     @property
     def parameters(self) -> dict[str, float]:

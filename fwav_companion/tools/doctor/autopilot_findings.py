@@ -9,6 +9,7 @@ from fwav_companion.links.url import SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.rate_findings import (
+    ATTITUDES,
     ATTITUDES_A_SWING,
     rate_setting,
     rates_not_taken,
@@ -19,7 +20,6 @@ from fwav_companion.types.flight_status import ClockReport
 from fwav_companion.types.network_status import REQUESTS, PeerStatistics, StreamReport
 from fwav_companion.types.status import RunStatus
 
-ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 REACHED: Final = 0.85
 """Least share of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
 LOOP_SHARE: Final = 0.8

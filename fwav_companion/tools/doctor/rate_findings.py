@@ -12,14 +12,16 @@ ATTITUDES_A_SWING: Final = 10.0
 """Attitudes needed a wing beat or swing: the wanted rate is at least ten times its frequency."""
 SMALL_FIRMWARES_HZ: Final = 50.0
 """Highest telemetry rate of INAV and Betaflight (TELEMETRY_MAVLINK_MAXRATE in src/main/telemetry/mavlink.c)."""
+ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 NOT_TAKEN: Final = frozenset({"unanswered", "unsupported", "denied"})
 
 
 def takes_no_requests(status: RunStatus) -> bool:
-    """Return whether some request for a rate failed, and none was granted."""
+    """Return whether the requests for attitude failed, and none for another message was granted."""
     rows = status.rates.values()
     granted = any(row.state == "granted" and row.asked_hz is not None for row in rows)
-    return not granted and any(row.state in NOT_TAKEN for row in rows)
+    asking = any(status.rates[name].state == "asking" for name in ATTITUDES if name in status.rates)
+    return not granted and not asking and any(row.state in NOT_TAKEN for row in rows)
 
 
 def rates_not_taken(status: RunStatus, source: str, wanted_hz: float) -> Finding:
