@@ -17,10 +17,14 @@ NOT_TAKEN: Final = frozenset({"unanswered", "unsupported", "denied"})
 
 
 def takes_no_requests(status: RunStatus) -> bool:
-    """Return whether the requests for attitude failed, and none for another message was granted."""
+    """Return whether some request for a rate failed, and none was granted.
+
+    A firmware of another kind may still take the group request that follows (INAV), while attitude is asked for.
+    """
     rows = status.rates.values()
     granted = any(row.state == "granted" and row.asked_hz is not None for row in rows)
-    asking = any(status.rates[name].state == "asking" for name in ATTITUDES if name in status.rates)
+    other = status.autopilot is not None and status.autopilot.kind == AutopilotKind.OTHER.value
+    asking = other and any(status.rates[name].state == "asking" for name in ATTITUDES if name in status.rates)
     return not granted and not asking and any(row.state in NOT_TAKEN for row in rows)
 
 
