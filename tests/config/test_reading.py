@@ -58,7 +58,7 @@ def test_requests_for_rates_are_merged_on_ground_links_where_the_file_says_nothi
     ground = '[[link]]\nname = "g{0}"\nurl = "udpin://127.0.0.1:1455{0}"\nrole = "gcs"\n'
     text = f"{BASE}{ground.format(1)}{ground.format(2)}forward_rate_requests = true\n"
     config = parse(text, "f.toml")
-    assert [link.merges_rate_requests for link in config.link] == [False, True, False]
+    assert [link.forward_rate_requests for link in config.link][1:] == ["merge", True]
 
 
 # File content: the complete error line that it gives.
