@@ -1,0 +1,52 @@
+"""SHELL: opens a picture and returns its tags, its pose and its lens."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import msgspec
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import opened
+from fwav_companion.photographs.exif_tags import stated_size
+from fwav_companion.photographs.tags import PictureTags, xmp_values
+
+EXIF_IFD, GPS_IFD = 0x8769, 0x8825
+XMP_BEGIN, XMP_END = b"<x:xmpmeta", b"</x:xmpmeta>"
+MOST_XMP = 1 << 20
+"""Bytes at the start of a file that are searched for its XMP, which precedes the picture."""
+LARGEST_PICTURE = 400_000_000
+"""Most pixels of a picture: four times those of the largest aerial camera, 100 Mpx."""
+SUFFIXES = (".jpeg", ".jpg", ".png", ".tif", ".tiff", ".dng")
+
+
+def read_tags(path: Path) -> PictureTags:
+    """The tags of a picture; its pixels are not decoded. InputFileError where it is not a picture."""
+    from PIL import Image
+
+    try:
+        with opened(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's about sizes and broken tags: the answer is one line or none
+            head = file.read(MOST_XMP)
+            file.seek(0)
+            with Image.open(file) as image:
+                size = image.size
+                exif = image.getexif()
+                main, own, gps = dict(exif), dict(exif.get_ifd(EXIF_IFD)), dict(exif.get_ifd(GPS_IFD))
+    except OSError as error:
+        reason = error.strerror or "not a picture"
+        raise InputFileError(f"{path}: {reason}; accepted: a JPEG, PNG or TIFF picture") from None
+    except Exception:  # noqa: BLE001  # Pillow raises errors of many kinds for broken files
+        raise InputFileError(f"{path}: a broken picture; accepted: a JPEG, PNG or TIFF picture") from None
+    if size[0] * size[1] > LARGEST_PICTURE:
+        raise InputFileError(f"{path}: {size[0]} x {size[1]} pixels; accepted: at most {LARGEST_PICTURE // 10**6} Mpx")
+    begin = head.find(XMP_BEGIN)
+    packet = head[begin : head.find(XMP_END, begin) + len(XMP_END)] if begin >= 0 else b""
+    return PictureTags(size=size, xmp=xmp_values(packet.decode("utf-8", "replace")), exif={**main, **own}, gps=gps)
+
+
+def with_stated_size(tags: PictureTags) -> PictureTags:
+    """The tags as if the picture had the size that its EXIF states: for pictures that stand for larger ones."""
+    size = stated_size(tags)
+    return tags if size is None else msgspec.structs.replace(tags, size=size)

@@ -1,0 +1,99 @@
+"""The pose and the lens of a picture, each with its errors: a picture's own, and those that all pictures share."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import msgspec
+
+
+class AltDatum(StrEnum):
+    """The level that an altitude counts from."""
+
+    EGM96 = "egm96"
+    """The geoid: mean sea level."""
+    ELLIPSOID = "ellipsoid"
+    """The WGS84 ellipsoid, or that of the correction service."""
+    TAKEOFF = "takeoff"
+    """The ground at the take-off."""
+
+
+class Sigma(msgspec.Struct, frozen=True):
+    """One sigma of an error in two independent parts."""
+
+    own: float
+    """Part that is independent in every picture."""
+    shared: float
+    """Part that is the same in all pictures of a flight."""
+
+
+class Altitude(msgspec.Struct, frozen=True):
+    """An altitude with its datum and error, metres."""
+
+    metres: float
+    datum: AltDatum
+    sigma: Sigma
+    note: str = ""
+    """What is assumed about the datum; empty where the file states it."""
+
+
+class PoseSigmas(msgspec.Struct, frozen=True, kw_only=True):
+    """One sigma of a pose's horizontal position, metres, and angles, degrees."""
+
+    position_m: Sigma
+    attitude_deg: Sigma
+    """Small rotation about each of three camera axes; shared: the mount."""
+    heading_deg: float
+    """Rotation about down, shared by all pictures."""
+
+
+class PicturePose(msgspec.Struct, frozen=True, kw_only=True):
+    """Position and attitude of the camera of one picture."""
+
+    lat_deg: float
+    lon_deg: float
+    roll_deg: float
+    """ned_from_gimbal = Rz(yaw) Ry(pitch) Rx(roll), gimbal x along the optical axis, y to the image's right."""
+    pitch_deg: float
+    """0 at the horizon, -90 straight down."""
+    yaw_deg: float
+    """Clockwise from true north."""
+    absolute: Altitude | None
+    """Altitude above the geoid or the ellipsoid; None where the picture has none."""
+    above_takeoff: Altitude | None
+    """Height above the take-off; None where the picture has none."""
+    sigmas: PoseSigmas
+    layout: str
+    """Whose tags the pose is from."""
+    notes: tuple[str, ...] = ()
+    """What was assumed or corrected."""
+
+
+class NoPose(msgspec.Struct, frozen=True):
+    """The reason why a picture has no pose."""
+
+    reason: str
+    """What is missing, and what to give instead."""
+    place: PicturePose | None = None
+    """The pose without angles, where only these are missing."""
+
+
+class PictureLens(msgspec.Struct, frozen=True, kw_only=True):
+    """The lens of a picture, in pixels of the stored image, (0, 0) at the centre of its top left pixel."""
+
+    focal_px: tuple[float, float]
+    principal_point: tuple[float, float]
+    distortion: tuple[float, ...]
+    """k1, k2, p1, p2, k3; empty: a pinhole."""
+    size: tuple[int, int]
+    focal_sigma: float
+    """One sigma of the focal length over the focal length; shared by all pictures of the camera."""
+    source: str
+    """The tag that the focal length is from."""
+    notes: tuple[str, ...] = ()
+
+
+class NoLens(msgspec.Struct, frozen=True):
+    """The reason why a picture has no lens."""
+
+    reason: str
