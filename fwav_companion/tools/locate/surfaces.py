@@ -1,0 +1,95 @@
+"""The ground of `locate`: flat, or an elevation model. PURE."""
+
+from __future__ import annotations
+
+from math import cos, degrees, isnan, radians
+from typing import Protocol
+
+from fwav_companion.geometry.earth import SEMI_MAJOR_M, TangentPlane
+from fwav_companion.geometry.vectors import Vector3, add, scale
+from fwav_companion.localization.elevation import ElevationModel
+from fwav_companion.localization.ray_search import first_hit
+
+LEAST_DESCENT = 1e-4
+"""Least downward part of a unit ray: 0.006 degrees below the horizon."""
+FARTHEST_M = 20_000.0
+
+
+class Surface(Protocol):
+    """The ground under the targets, in local NED."""
+
+    def meet(self, camera_ned: Vector3, direction: Vector3) -> Vector3 | str:
+        """The first point of a unit ray on the ground, or the named reason why there is none."""
+
+    def level(self, north: float, east: float) -> tuple[float, float, float] | None:
+        """(down, d down/d north, d down/d east) of the ground; None outside of it."""
+
+    def sigma_m(self, height_m: float) -> float:
+        """One sigma of the ground's level at a target, seen from ``height_m`` above."""
+
+
+class FlatSurface:
+    """Level ground at one altitude, with relief around it."""
+
+    def __init__(self, down_m: float, sigma_m: float, sigma_per_height: float = 0.0) -> None:
+        self._down = down_m
+        self._sigma = sigma_m
+        self._per_height = sigma_per_height
+
+    def meet(self, camera_ned: Vector3, direction: Vector3) -> Vector3 | str:
+        """The intersection; "too_low" below the ground, "above_horizon" for a ray that does not descend."""
+        height = self._down - camera_ned[2]
+        if height <= 0.0:
+            return "too_low"
+        if direction[2] <= LEAST_DESCENT or height / direction[2] > FARTHEST_M:
+            return "above_horizon"
+        return add(camera_ned, scale(direction, height / direction[2]))
+
+    def level(self, north: float, east: float) -> tuple[float, float, float] | None:  # noqa: ARG002
+        """The same everywhere."""
+        return (self._down, 0.0, 0.0)
+
+    def sigma_m(self, height_m: float) -> float:
+        """The relief: a floor, or a part of the height above ground if that is more."""
+        return max(self._sigma, self._per_height * height_m)
+
+
+class TerrainSurface:
+    """An elevation model, raised to the vertical scale of the answer."""
+
+    def __init__(self, model: ElevationModel, plane: TangentPlane, raised_m: float, sigma_m: float) -> None:
+        """``raised_m`` is added to the model's heights to give altitudes of ``plane``."""
+        self._model, self._plane, self._raised, self._sigma = model, plane, raised_m, sigma_m
+
+    def meet(self, camera_ned: Vector3, direction: Vector3) -> Vector3 | str:
+        """The first intersection."""
+        below = self.level(camera_ned[0], camera_ned[1])
+        if below is None:
+            return "beyond_terrain"
+        if camera_ned[2] >= below[0]:
+            return "too_low"
+        hit = first_hit(self._model, self._plane, camera_ned, direction, self._raised)
+        if hit is None:
+            return "no_terrain" if direction[2] > 0.0 else "above_horizon"
+        return add(camera_ned, scale(direction, hit.distance_m))
+
+    def level(self, north: float, east: float) -> tuple[float, float, float] | None:
+        """The height of the cell below and its slope."""
+        place = self._plane.geodetic_from_ned((north, east, 0.0))
+        lat_deg, lon_deg = degrees(place.lat), degrees(place.lon)
+        cell = self._model.cell_at(lat_deg, lon_deg)
+        if cell is None:
+            return None
+        height = cell.height_m(lat_deg, lon_deg)
+        if isnan(height):
+            return None
+        south, along = cell.fractions(lat_deg, lon_deg)
+        _, b, c, d = cell.polynomial()
+        north_m = radians(cell.lat_step_deg) * SEMI_MAJOR_M
+        east_m = radians(cell.lon_step_deg) * SEMI_MAJOR_M * cos(place.lat)
+        down = self._plane.origin.alt_amsl_m - height - self._raised
+        return (down, (b + d * along) / north_m, -(c + d * south) / east_m)
+
+    def sigma_m(self, height_m: float) -> float:  # noqa: ARG002
+        """That of the model's heights."""
+        return self._sigma
