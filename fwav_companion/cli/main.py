@@ -46,6 +46,7 @@ COMMANDS = (
     CommandModule("replay", "the same pipeline over a recording"),
     CommandModule("study", "many flights, drawn or recorded: how accurate, and what limits it"),
     CommandModule("detect", "the configured detector over recorded pictures"),
+    CommandModule("locate", "from a pixel in a picture to a place on the map"),
     CommandModule("paper", "the paper's experiment, its table and figures"),
     CommandModule("calibrate", "fit a camera to pictures of a board"),
     CommandModule("check", "what every link and stream delivers, and what to change"),

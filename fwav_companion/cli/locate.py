@@ -1,0 +1,200 @@
+"""``fwav-companion locate``: from a pixel in a picture to a place on the map."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fwav_companion.cli.signals import as_by_ctrl_c
+from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.libraries import require
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+    from collections.abc import Sequence
+
+    from fwav_companion.tools.locate.answers import Answers
+    from fwav_companion.tools.locate.clicks import Click
+    from fwav_companion.tools.locate.photographs import CameraOptions
+    from fwav_companion.tools.locate.session import GroundOptions
+
+EXIT_NO_PLACE = 1
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "locate",
+        description=(
+            "Gives the place on the map of a pixel in a picture, with its 95 % ellipse and what limits it. Pose and "
+            "lens are read from the picture's tags (DJI, Autel, Parrot, Skydio, Teal, senseFly and others). The same "
+            "thing in several pictures gives one place, with a smaller ellipse. Pixels count as a viewer shows the "
+            "picture; 0,0 is the middle of its top left pixel."
+        ),
+        epilog=(
+            "examples:\n"
+            "  fwav-companion locate DJI_0042.JPG --pixel 1912,1034\n"
+            "  fwav-companion locate A.JPG B.JPG --pixel 1912,1034 --pixel 310,2200 --terrain N47E011.hgt --out x.kml"
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("pictures", metavar="PICTURES", nargs="+", type=Path, help="pictures, or folders of pictures")
+    add("--pixel", metavar="U,V", action="append", default=[], help="of the thing, once a picture, in their order")
+    add("--pixels", metavar="FILE", type=Path, help="many: CSV with file, u, v, label, or gcp_list.txt")
+    add("--label", metavar="NAME", default="target", help="name of the thing (default: target)")
+    add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
+    add("--hfov", metavar="DEG", type=float, help="horizontal field of view, where the tags have no lens")
+    add("--angles", metavar="ROLL,PITCH,YAW", help="of the camera, degrees, where the tags have none; -90 looks down")
+    add("--terrain", metavar="FILE", nargs="+", type=Path, default=[], help="elevation files: .hgt, GeoTIFF")
+    add("--ground-alt", metavar="M", type=float, help="flat ground at this altitude above sea level")
+    add("--takeoff", metavar="LAT,LON", help="place of the take-off; its altitude is that of --terrain there")
+    add("--takeoff-alt", metavar="M", type=float, help="altitude of the take-off above sea level")
+    add("--alt-datum", choices=("egm96", "ellipsoid", "takeoff"), help="what the pictures' altitudes count from")
+    add("--out", metavar="FILE", type=Path, help="also write the places: .kml, .geojson or .csv")
+    add("--json", action="store_true", help="end with the answer as one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Locate; returns 0, or 1 where a pixel has no place. UserError: pictures or options are wrong."""
+    with as_by_ctrl_c():
+        return _located(arguments)
+
+
+def _located(arguments: argparse.Namespace) -> int:
+    require("locate", "numpy", "PIL")
+    from fwav_companion.tools.locate.photographs import read_photographs
+    from fwav_companion.tools.locate.session import LocateSession, NoAnswer
+
+    paths = _pictures(arguments.pictures)
+    clicks = _clicks(arguments, [path.name for path in paths])
+    wanted = {click.file for click in clicks}
+    paths = [path for path in paths if path.name in wanted] or paths
+    session = LocateSession(read_photographs(paths, _camera_options(arguments)), _ground_options(arguments))
+    answers = session.located(clicks)
+    if isinstance(answers, NoAnswer):
+        print(answers.line, file=sys.stderr)
+        if arguments.json:
+            import json
+
+            print(json.dumps({"targets": [], "file": answers.file, "reason": answers.reason}))
+        return EXIT_NO_PLACE
+    _print(answers)
+    if arguments.out is not None:
+        from fwav_companion.cli.output import written
+        from fwav_companion.tools.locate.exports import exported
+
+        content = exported(answers, arguments.out)
+        with written(str(arguments.out)) as file:
+            file.write(content)
+    if arguments.json:
+        import msgspec
+
+        print(msgspec.json.encode(answers).decode())
+    return 0
+
+
+def _print(answers: Answers) -> None:
+    from fwav_companion.tools.locate.answers import answer_lines, shared_line
+
+    for answer in answers.targets:
+        print("\n".join(answer_lines(answer)))
+    for shared in answers.shared:
+        print(shared_line(shared))
+    for note in answers.assumed:
+        print(note if note.startswith("WARNING") else f"assumed: {note}")
+    if answers.contradiction:
+        print(f"WARNING: {answers.contradiction}; the ellipse is widened")
+
+
+def _pictures(given: Sequence[Path]) -> list[Path]:
+    from fwav_companion.photographs.files import SUFFIXES
+
+    found: list[Path] = []
+    for path in given:
+        if path.is_dir():
+            inside = sorted(each for each in path.iterdir() if each.suffix.lower() in SUFFIXES)
+            if not inside:
+                raise InputFileError(f"{path}: no pictures in it; accepted: {', '.join(SUFFIXES)}")
+            found += inside
+        elif not path.exists():
+            raise InputFileError(f"{path}: no such file; accepted: a picture, or a folder of pictures")
+        else:
+            found.append(path)
+    return found
+
+
+def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[Click]:
+    from fwav_companion.tools.locate.clicks import clicks_of, parse_clicks, parse_pixel
+
+    if (arguments.pixels is None) == (not arguments.pixel):
+        raise UserError("locate: accepted: one of --pixel U,V and --pixels FILE (see fwav-companion locate --help)")
+    if arguments.pixels is None:
+        return clicks_of(names, [parse_pixel(text) for text in arguments.pixel], arguments.label)
+    return parse_clicks(_text(arguments.pixels), str(arguments.pixels))
+
+
+def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
+    from fwav_companion.camera import parse_calibration
+    from fwav_companion.tools.locate.photographs import CameraOptions
+
+    if arguments.hfov is not None and not 1.0 <= arguments.hfov <= 170.0:
+        raise UserError(f"--hfov {arguments.hfov:g}: accepted: 1 to 170 degrees")
+    calibration = None
+    if arguments.camera is not None:
+        calibration = parse_calibration(_text(arguments.camera), str(arguments.camera))
+    angles = (
+        None if arguments.angles is None else _numbers("--angles", arguments.angles, ("ROLL", "PITCH", "YAW"), 360.0)
+    )
+    return CameraOptions(
+        calibration=calibration,
+        hfov_deg=arguments.hfov,
+        angles_deg=None if angles is None else (angles[0], angles[1], angles[2]),
+    )
+
+
+def _ground_options(arguments: argparse.Namespace) -> GroundOptions:
+    from fwav_companion.photographs.picture_pose import AltDatum
+    from fwav_companion.tools.locate.heights import VerticalOptions
+    from fwav_companion.tools.locate.session import GroundOptions
+
+    for name in ("ground_alt", "takeoff_alt"):
+        value = getattr(arguments, name)
+        if value is not None and not -500.0 <= value <= 9000.0:
+            raise UserError(f"--{name.replace('_', '-')} {value:g}: accepted: -500 to 9000 metres above sea level")
+    if arguments.terrain and arguments.ground_alt is not None:
+        raise UserError("locate: --terrain and --ground-alt; accepted: one of them")
+    takeoff = None if arguments.takeoff is None else _numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
+    return GroundOptions(
+        terrain=tuple(arguments.terrain),
+        takeoff=None if takeoff is None else (takeoff[0], takeoff[1]),
+        vertical=VerticalOptions(
+            alt_datum=None if arguments.alt_datum is None else AltDatum(arguments.alt_datum),
+            takeoff_alt_m=arguments.takeoff_alt,
+            ground_alt_m=arguments.ground_alt,
+        ),
+    )
+
+
+def _numbers(option: str, text: str, names: Sequence[str], largest: float) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != len(names) or not all(abs(number) <= largest for number in numbers):
+        raise UserError(f"{option} {text}: accepted: {','.join(names)} in degrees")
+    return numbers
+
+
+def _text(path: Path) -> str:
+    from fwav_companion.on_disk import content
+
+    try:
+        return content(path).decode()
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"{path}: byte {error.start} is not UTF-8; accepted: a text file") from None
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a readable file") from None

@@ -1,0 +1,117 @@
+"""Photographs and ground to cameras and a surface in one local world. PURE."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import radians
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.geoid import Geoid
+from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.localization import ElevationModel
+from fwav_companion.photographs.picture_pose import AltDatum, PicturePose, PoseSigmas, Sigma
+from fwav_companion.tools.locate.heights import VerticalScale, ground_sigma_m
+from fwav_companion.tools.locate.shots import SHARED_COUNT, SharedError, Shot
+from fwav_companion.tools.locate.surfaces import FlatSurface, Surface, TerrainSurface
+from fwav_companion.types import Lens
+
+RELIEF_M, RELIEF_PER_HEIGHT = 4.0, 0.05
+"""One sigma of the relief of ground that is taken as flat: a floor, and a part of the height above ground."""
+
+
+class PosedPicture(msgspec.Struct, frozen=True):
+    """A picture with all that its camera needs."""
+
+    name: str
+    pose: PicturePose
+    lens: Lens
+    focal_sigma: float
+
+
+class World(msgspec.Struct, frozen=True):
+    """Cameras and ground about one origin."""
+
+    plane: TangentPlane
+    shots: tuple[Shot, ...]
+    shared_sigmas: tuple[tuple[float, ...], ...]
+    surface: Surface
+    scale: VerticalScale
+
+
+class Configured(msgspec.Struct, frozen=True, kw_only=True):
+    """Sigmas that the configuration states; None: by the pictures' source."""
+
+    position_bias_m: float | None = None
+    height_bias_m: float | None = None
+    mount_bias_deg: float | None = None
+    heading_bias_deg: float | None = None
+    terrain_m: float | None = None
+
+
+def make_world(
+    pictures: Sequence[PosedPicture],
+    scale: VerticalScale,
+    geoid: Geoid,
+    *,
+    elevation: ElevationModel | None = None,
+    terrain_datum: str = "egm96",
+    configured: Configured | None = None,
+) -> World:
+    """The cameras about the first picture's place; down is counted from the level of ``scale``."""
+    configured = configured or Configured()
+    first = pictures[0].pose
+    plane = TangentPlane(Geodetic.from_degrees(first.lat_deg, first.lon_deg, 0.0))
+    groups: dict[tuple[str, float, float], int] = {}
+    shots, shared = [], []
+    for picture, height in zip(pictures, scale.heights, strict=True):
+        key = (picture.pose.layout, height.sigma.shared, picture.focal_sigma)
+        if key not in groups:
+            groups[key] = len(groups)
+            shared.append(_shared(picture.pose.sigmas, height.sigma, picture.focal_sigma, configured))
+        shots.append(_shot(picture, plane, height.metres, height.sigma.own, groups[key]))
+    surface: Surface
+    if elevation is None:
+        flat = scale.flat_ground_m or 0.0
+        relief = RELIEF_M if configured.terrain_m is None else configured.terrain_m
+        surface = FlatSurface(-flat, relief, RELIEF_PER_HEIGHT if configured.terrain_m is None else 0.0)
+    else:
+        raised = -geoid.undulation_m(first.lat_deg, first.lon_deg) if terrain_datum == "ellipsoid" else 0.0
+        sigma = RELIEF_M if configured.terrain_m is None else configured.terrain_m
+        poses = [picture.pose for picture in pictures]
+        sigma = ground_sigma_m(
+            sigma, poses, other_geoid=terrain_datum == AltDatum.ELLIPSOID or terrain_datum == "egm2008"
+        )
+        surface = TerrainSurface(elevation, plane, raised, sigma)
+    return World(plane, tuple(shots), tuple(shared), surface, scale)
+
+
+def _shot(picture: PosedPicture, plane: TangentPlane, height_m: float, own_height_m: float, group: int) -> Shot:
+    pose = picture.pose
+    roll, pitch, yaw = map(radians, (pose.roll_deg, pose.pitch_deg, pose.yaw_deg))
+    return Shot(
+        name=picture.name,
+        camera_ned=plane.ned_from_geodetic(Geodetic.from_degrees(pose.lat_deg, pose.lon_deg, height_m)),
+        ned_from_camera=body_from_camera_from_euler(roll, pitch, yaw),
+        lens=picture.lens,
+        own_position_m=pose.sigmas.position_m.own,
+        own_height_m=own_height_m,
+        own_attitude=radians(pose.sigmas.attitude_deg.own),
+        group=group,
+    )
+
+
+def _shared(sigmas: PoseSigmas, height: Sigma, focal: float, configured: Configured) -> tuple[float, ...]:
+    def either(given: float | None, by_source: float) -> float:
+        return by_source if given is None else given
+
+    values = [0.0] * SHARED_COUNT
+    values[SharedError.NORTH] = values[SharedError.EAST] = either(configured.position_bias_m, sigmas.position_m.shared)
+    values[SharedError.HEIGHT] = either(configured.height_bias_m, height.shared)
+    mount = radians(either(configured.mount_bias_deg, sigmas.attitude_deg.shared))
+    for error in (SharedError.MOUNT_X, SharedError.MOUNT_Y, SharedError.MOUNT_Z):
+        values[error] = mount
+    values[SharedError.HEADING] = radians(either(configured.heading_bias_deg, sigmas.heading_deg))
+    values[SharedError.FOCAL] = focal
+    return tuple(values)
