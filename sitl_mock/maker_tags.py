@@ -14,6 +14,8 @@ from io import BytesIO
 XMP_HEADER = b"http://ns.adobe.com/xap/1.0/\x00"
 MAKE, MODEL, ORIENTATION, EXIF_IFD, GPS_IFD = 0x010F, 0x0110, 0x0112, 0x8769, 0x8825
 FOCAL_35MM, WIDTH, HEIGHT = 0xA405, 0xA002, 0xA003
+PLACE = -1
+"""Stands for the GPS directory: latitude, longitude, altitude."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ def autel_old(p: TruePicture) -> tuple[bytes, dict[int, object]]:
     values["AboveGroundAltitude"] = f"{p.above_takeoff:.3f}"
     return _packet(PIX4D, "Camera", values, elements=True, about="Autel Robotics Meta Data"), {
         MAKE: "Autel Robotics", MODEL: "XT701", FOCAL_35MM: round(p.focal_px * 36.0 / p.width),
-        "place": (p.lat, p.lon, p.alt_amsl),
+        PLACE: (p.lat, p.lon, p.alt_amsl),
     }  # fmt: skip
 
 
@@ -140,7 +142,7 @@ def parrot(p: TruePicture) -> tuple[bytes, dict[int, object]]:
     }  # fmt: skip
     return _packet("http://www.parrot.com/drone-parrot/1.0/", "drone-parrot", values), {
         MAKE: "Parrot", MODEL: "Anafi", FOCAL_35MM: round(p.focal_px * 36.0 / p.width),
-        "place": (p.lat, p.lon, p.alt_amsl),
+        PLACE: (p.lat, p.lon, p.alt_amsl),
     }  # fmt: skip
 
 
@@ -178,7 +180,7 @@ def teal(p: TruePicture) -> tuple[bytes, dict[int, object]]:
     values |= {f"Camera{n}": ratio(v) for n, v in zip(("Roll", "Pitch", "Yaw"), camera, strict=True)}
     return _packet("http://ns.adobe.com/exif/1.0/", "exif", values), {
         MAKE: "Teledyne FLIR", MODEL: "Teal 2", FOCAL_35MM: round(p.focal_px * 36.0 / p.width),
-        "place": (p.lat, p.lon, p.alt_amsl),
+        PLACE: (p.lat, p.lon, p.alt_amsl),
     }  # fmt: skip
 
 
@@ -195,8 +197,10 @@ def _body_angles(p: TruePicture) -> tuple[float, float, float]:
         (-st, ct * sr, ct * cr),
     )
     b = [(-row[2], row[1], row[0]) for row in g]  # columns of g times Ry(90 deg)
-    return tuple(
-        math.degrees(a) for a in (math.atan2(b[2][1], b[2][2]), -math.asin(b[2][0]), math.atan2(b[1][0], b[0][0]))
+    return (
+        math.degrees(math.atan2(b[2][1], b[2][2])),
+        math.degrees(-math.asin(b[2][0])),
+        math.degrees(math.atan2(b[1][0], b[0][0])),
     )
 
 
@@ -209,7 +213,7 @@ def sensefly(p: TruePicture) -> tuple[bytes, dict[int, object]]:
     }  # fmt: skip
     return _packet(PIX4D, "Camera", values), {
         MAKE: "senseFly", MODEL: "S.O.D.A.", FOCAL_35MM: round(p.focal_px * 36.0 / p.width),
-        "place": (p.lat, p.lon, p.alt_amsl),
+        PLACE: (p.lat, p.lon, p.alt_amsl),
     }  # fmt: skip
 
 
@@ -219,7 +223,7 @@ def wingtra(p: TruePicture) -> tuple[bytes, dict[int, object]]:
     values = {"Yaw": f"{yaw % 360.0:.4f}", "Pitch": f"{pitch:.4f}", "Roll": f"{roll:.4f}"}
     return _packet(PIX4D, "Camera", values), {
         MAKE: "SONY", MODEL: "DSC-RX1RM2", FOCAL_35MM: round(p.focal_px * 36.0 / p.width),
-        "place": (p.lat, p.lon, p.ellipsoid),
+        PLACE: (p.lat, p.lon, p.ellipsoid),
     }  # fmt: skip
 
 
@@ -243,8 +247,8 @@ def tagged_jpeg(jpeg: bytes, xmp: bytes, exif: dict[int, object], size: tuple[in
     own[WIDTH], own[HEIGHT] = size
     if FOCAL_35MM in exif:
         own[FOCAL_35MM] = exif[FOCAL_35MM]
-    place = exif.get("place")  # type: ignore[call-overload]
-    if place is not None:
+    place = exif.get(PLACE)
+    if isinstance(place, tuple):
         lat, lon, alt = place
         gps = tags.get_ifd(GPS_IFD)
         gps[1], gps[3], gps[5] = "S" if lat < 0 else "N", "W" if lon < 0 else "E", b"\x01" if alt < 0 else b"\x00"
@@ -257,7 +261,7 @@ def tagged_jpeg(jpeg: bytes, xmp: bytes, exif: dict[int, object], size: tuple[in
     return data[:2] + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + data[2:]
 
 
-def _sexagesimal(angle: float) -> tuple[float, float, float]:
+def _sexagesimal(angle: float) -> tuple[float, float, object]:
     from PIL.TiffImagePlugin import IFDRational
 
     minutes = (angle - math.floor(angle)) * 60.0

@@ -73,6 +73,8 @@ class BrownConrady:
 
     def _fold(self) -> float:
         """The smallest angle from the axis where the distortion stops being one to one, radians."""
+        if not any(self.distortion):
+            return STEEPEST_ANGLE
         return min(self._fold_along(2.0 * pi * i / FOLD_DIRECTIONS) for i in range(FOLD_DIRECTIONS))
 
     def _fold_along(self, direction: float) -> float:

@@ -37,7 +37,7 @@ SINGLE_SHARED_M = 2.0
 LARGEST_SIGMA_M = 100.0
 LARGEST_ALTITUDE_M = 20_000.0
 HALF_TURN_DEG = 180.0
-BODY_FROM_NADIR_GIMBAL: Matrix3 = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
+BODY_FROM_NADIR_GIMBAL: Matrix3 = ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
 """Gimbal axes (x optical, y right, z image down) of a camera that looks down, image top forward: Ry(-90 degrees)."""
 GEOID_CRS, ELLIPSOID_CRS = ("5773", "egm96"), ("4979", "ellipsoid")
 """What senseFly's VertCS holds for either datum."""

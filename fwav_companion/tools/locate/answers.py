@@ -124,8 +124,8 @@ def answer_lines(answer: Answer) -> list[str]:
     if answer.mgrs is not None:
         lines.append(f"  MGRS {answer.mgrs}   UTM {answer.utm}")
     lines.append(
-        f"  95 % ellipse: semi-axes {answer.ellipse95_major_m:.2f} m and {answer.ellipse95_minor_m:.2f} m, the longer one "
-        f"to {answer.ellipse95_bearing_deg:.0f} deg; circle {answer.radius95_m:.2f} m"
+        f"  95 % ellipse: semi-axes {answer.ellipse95_major_m:.2f} m and {answer.ellipse95_minor_m:.2f} m, the longer "
+        f"one to {answer.ellipse95_bearing_deg:.0f} deg; circle {answer.radius95_m:.2f} m"
     )
     lines.append(f"  largest error: {CAUSES[answer.dominant]} ({answer.dominant_share:.0%} of the variance)")
     if len(answer.pictures) > 1:

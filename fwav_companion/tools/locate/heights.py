@@ -7,7 +7,7 @@ from the ground at the take-off.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
+from math import hypot, sqrt
 from statistics import median
 
 import msgspec
@@ -102,7 +102,9 @@ def _above_flat_takeoff(
     for name, absolute, relative in zip(names, absolutes, relatives, strict=True):
         precise = absolute is not None and takeoff is not None and absolute.sigma.own < 0.5 and relative is not None
         if precise and absolute is not None and relative is not None and takeoff is not None:
-            shared = relative.sigma.shared if options.takeoff_alt_m is None else absolute.sigma.shared
+            shared = absolute.sigma.shared
+            if options.takeoff_alt_m is None:  # the level is the median of all pictures' relative heights
+                shared = hypot(relative.sigma.shared, relative.sigma.own / sqrt(len(both)))
             heights.append(CameraHeight(absolute.metres - takeoff, Sigma(absolute.sigma.own, shared)))
         elif relative is not None:
             heights.append(CameraHeight(relative.metres, relative.sigma))
@@ -169,7 +171,7 @@ def _absolute_height(
     if absolute is not None and abs(absolute.metres - by_takeoff.metres) > WARN_BETWEEN_M:
         apart = absolute.metres - by_takeoff.metres
         notes.append(
-            f"WARNING: {name}: its absolute altitude is {apart:+.0f} m from take-off plus relative height; it is not used"
+            f"WARNING: {name}: its absolute altitude is {apart:+.0f} m from take-off plus relative height; not used"
         )
     return by_takeoff
 

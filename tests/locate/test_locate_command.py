@@ -1,0 +1,153 @@
+"""`locate` from the command line: answers, files, and one line for every bad input."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+
+import numpy as np
+import pymap3d
+import pytest
+
+from fwav_companion.cli.main import main
+from tests.support.maker_pictures import (
+    HEIGHT,
+    WIDTH,
+    pixel_of,
+    place_below,
+    true_picture,
+    write_picture,
+)
+
+
+@pytest.fixture
+def picture(tmp_path: Path) -> tuple[Path, str, tuple[float, float]]:
+    """A resized RTK picture of 40 x 30 pixels, a pixel of it, and the place that it shows."""
+    truth = true_picture(np.random.default_rng(2), pitch=-55.0)
+    lat, lon, _ = place_below(truth, 2500.0, 1800.0)
+    path = write_picture(tmp_path / "a.jpg", "dji_rtk", truth)
+    return path, f"{2500.5 / 100 - 0.5},{1800.5 / 100 - 0.5}", (lat, lon)
+
+
+def last_json(text: str) -> dict:
+    return json.loads(text.strip().splitlines()[-1])
+
+
+def test_locate_resized_picture_gives_the_place_and_says_so(picture, capsys: pytest.CaptureFixture[str]) -> None:
+    path, pixel, (lat, lon) = picture
+    assert main(["locate", str(path), "--pixel", pixel, "--json"]) == 0
+    out = capsys.readouterr().out
+    (target,) = last_json(out)["targets"]
+    north, east, _ = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+    assert np.hypot(north, east) < 0.05
+    assert target["alt_datum"] == "takeoff"
+    assert "resized from 4000 x 3000" in out
+    assert "flat ground at take-off height: give --terrain FILE for hills" in out
+    assert "MGRS" in out
+
+
+@pytest.mark.parametrize("suffix", [".kml", ".geojson", ".csv"])
+def test_locate_out_writes_the_place_with_its_datum(picture, suffix: str, tmp_path: Path) -> None:
+    path, pixel, (lat, _) = picture
+    out = tmp_path / f"o{suffix}"
+    assert main(["locate", str(path), "--pixel", pixel, "--out", str(out)]) == 0
+    text = out.read_text()
+    assert f"{lat:.5f}" in text
+    assert "EGM96" in text or "alt_datum" in text
+
+
+def test_locate_two_pictures_is_more_certain_than_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(4)
+    first = true_picture(rng, lat=47.0, lon=11.0, pitch=-50.0, yaw=0.0, roll=0.0, above_takeoff=60.0, alt_amsl=460.0)
+    lat, lon, alt = place_below(first, 2000.0, 1500.0)
+    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, 47.0, 11.0, 0.0)
+    lat2, lon2, _ = pymap3d.ned2geodetic(north + 50.0, east, 0.0, 47.0, 11.0, 0.0)
+    second = true_picture(
+        rng, lat=float(lat2), lon=float(lon2), pitch=-50.0, yaw=180.0, roll=0.0, above_takeoff=60.0, alt_amsl=460.0
+    )
+    radii = []
+    for pictures in ([first], [first, second]):
+        command = ["locate"]
+        for number, each in enumerate(pictures):
+            command.append(str(write_picture(tmp_path / f"{number}.jpg", "dji_rtk", each)))
+        for each in pictures:
+            u, v = pixel_of(each, lat, lon, alt)
+            assert 0 < u < WIDTH
+            assert 0 < v < HEIGHT
+            command += ["--pixel", f"{(u + 0.5) / 100 - 0.5},{(v + 0.5) / 100 - 0.5}"]
+        assert main([*command, "--json"]) == 0
+        (target,) = last_json(capsys.readouterr().out)["targets"]
+        radii.append(target["radius95_m"])
+        error = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+        assert np.hypot(error[0], error[1]) < 0.05
+    assert radii[1] < 0.8 * radii[0]
+
+
+def test_locate_turned_picture_counts_pixels_as_viewed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = true_picture(np.random.default_rng(3), pitch=-60.0)
+    lat, lon, _ = place_below(truth, 1000.0, 2000.0)
+    path = write_picture(tmp_path / "a.jpg", "dji_rtk", truth, t274=6)  # viewers turn it clockwise
+    u, v = 1000.5 / 100 - 0.5, 2000.5 / 100 - 0.5
+    assert main(["locate", str(path), "--pixel", f"{29 - v},{u}", "--json"]) == 0
+    (target,) = last_json(capsys.readouterr().out)["targets"]
+    error = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+    assert np.hypot(error[0], error[1]) < 0.05
+
+
+def test_locate_above_the_horizon_ends_with_one_and_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_picture(tmp_path / "a.jpg", "dji_rtk", true_picture(np.random.default_rng(3), pitch=5.0))
+    assert main(["locate", str(path), "--pixel", "20,5"]) == 1
+    assert "above_horizon" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--pixel", "1912"], "--pixel 1912"),
+        (["--pixel", "50,10"], "outside its 40 x 30 pixels"),
+        ([], "one of --pixel"),
+        (["--pixel", "1,1", "--pixel", "2,2"], "2 --pixel for 1 pictures"),
+        (["--pixel", "1,1", "--out", "x.shp"], ".kml, .geojson, .csv"),
+        (["--pixel", "1,1", "--takeoff", "47,11"], "--takeoff"),
+        (["--pixel", "1,1", "--hfov", "200"], "--hfov"),
+    ],
+)
+def test_locate_wrong_arguments_is_one_line(picture, arguments: list[str], said: str, capsys) -> None:
+    assert main(["locate", str(picture[0]), *arguments]) == 2
+    captured = capsys.readouterr().err
+    assert captured.count("\n") == 1
+    assert said in captured
+
+
+def test_locate_broken_pictures_is_one_line(picture, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """0 bytes, text, and 200 mutations of a good picture."""
+    good, rng = picture[0].read_bytes(), random.Random(1)
+    contents = [b"", b"hello", good[:200]]
+    for _ in range(197):
+        data = bytearray(good)
+        for _ in range(rng.randint(1, 20)):
+            data[rng.randrange(min(len(data), 2500))] = rng.randrange(256)
+        contents.append(bytes(data[: rng.randrange(1, len(data))] if rng.random() < 0.3 else data))
+    path = tmp_path / "b.jpg"
+    for content in contents:
+        path.write_bytes(content)
+        status = main(["locate", str(path), "--pixel", "20,20"])
+        captured = capsys.readouterr()
+        assert status in (0, 1, 2)
+        assert captured.err.count("\n") == (status != 0)
+
+
+def test_locate_pixels_of_ground_control_fuses_one_label(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = true_picture(np.random.default_rng(8), pitch=-70.0)
+    write_picture(tmp_path / "a.jpg", "dji_rtk", truth)
+    (tmp_path / "gcp_list.txt").write_text("EPSG:32632\n1 2 3 20.5 15.5 a.jpg corner\n1 2 4 10.5 12.5 a.jpg\n")
+    arguments = [str(tmp_path / "a.jpg"), "--pixels", str(tmp_path / "gcp_list.txt"), "--json"]
+    assert main(["locate", *arguments]) == 0
+    targets = last_json(capsys.readouterr().out)["targets"]
+    assert [target["label"] for target in targets] == ["corner", "point 1"]
+    lat, lon, _ = place_below(truth, 20.5 * 100 - 0.5, 15.5 * 100 - 0.5)
+    error = pymap3d.geodetic2ned(targets[0]["lat"], targets[0]["lon"], 0, lat, lon, 0)
+    assert np.hypot(error[0], error[1]) < 0.05
