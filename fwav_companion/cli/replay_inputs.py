@@ -15,12 +15,13 @@ from fwav_companion.camera import Calibration
 from fwav_companion.cli.output import is_stdout
 from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
+from fwav_companion.geoid import egm96
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.exports import Export, export_for
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.photograph_poses import PhotographPose, parse_poses
+from fwav_companion.recording.photograph_poses import PosesFile, parse_poses
 from fwav_companion.recording.tlog import load_tlog
 from fwav_companion.recording.truth import TruthPoint, parse_truth
 from fwav_companion.replay import (
@@ -151,13 +152,18 @@ def _recording(arguments: argparse.Namespace, config: Config) -> Recording | Pho
     return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
 
 
-def _poses(name: str) -> list[PhotographPose]:
+def _poses(name: str) -> PosesFile:
     try:
-        return parse_poses(content(Path(name)).decode(), name)
+        return parse_poses(content(Path(name)).decode(), name, _undulation_m)
     except OSError as error:
         raise InputFileError(f"{name}: {error.strerror}; accepted: a CSV file of poses") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV") from None
+
+
+def _undulation_m(lat_deg: float, lon_deg: float) -> float:
+    """EGM96, read for the first altitude above the ellipsoid."""
+    return egm96().undulation_m(lat_deg, lon_deg)
 
 
 def _require_a_frame(arguments: argparse.Namespace, recording: Recording | Photographs) -> None:

@@ -45,8 +45,10 @@ target in 88 % (11 fixes of 1 m over 5 min) and 93 % (3 passes of 20 s in 8 min)
 class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """[ground]: the surface that rays are intersected with."""
 
-    model: Literal["home", "fixed", "rangefinder", "terrain"] = "home"
-    """``home``: the surface at take-off height; ``fixed``: height_m below the camera."""
+    model: Literal["home", "fixed", "rangefinder", "terrain", "altitude"] = "home"
+    """``home``: the surface at take-off height; ``fixed``: height_m below the camera; ``altitude``: flat at alt_amsl."""
+    alt_amsl: Annotated[float, Meta(ge=-1000, le=10_000)] | None = None
+    """Altitude of the ground for ``altitude``, metres above mean sea level (EGM96)."""
     height_m: Positive = 1.2
     """Height of the camera above ground for ``fixed``, metres."""
     min_height_m: NotNegative = 0.5

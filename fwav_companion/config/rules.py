@@ -167,6 +167,8 @@ def _ground_and_publish(document: Document) -> Iterator[Complaint]:
             ("ground", "terrain_datum"),
             "missing, while [ground] terrain names files, which do not contain it; accepted: egm96, egm2008, ellipsoid",
         )
+    if document.ground.model == "altitude" and document.ground.alt_amsl is None:
+        yield (("ground", "alt_amsl"), 'missing, while [ground] model is "altitude"; accepted: metres above sea level')
     if document.publish.landing_label == CLICK_LABEL:
         yield (("publish", "landing_label"), f'"{CLICK_LABEL}" is of clicked spots, which never steer a landing')
     if document.publish.landing_target and not document.publish.landing_label:

@@ -126,6 +126,30 @@ class HomeGround:
         return self.home_down_m - sighting.camera_ned[2]
 
 
+class AltitudeGround(HomeGround):
+    """The level surface at a configured altitude; home does not move it."""
+
+    def __init__(self, alt_amsl_m: float) -> None:
+        super().__init__()
+        self._alt_amsl_m = alt_amsl_m
+
+    def home_moved(self, home_down_m: float) -> None:
+        """Do nothing: the altitude is configured."""
+
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
+        """Set the depth of the surface below the origin."""
+        self.home_down_m = plane.origin.alt_amsl_m - self._alt_amsl_m
+        return ""
+
+    def height_m(self, sighting: Sighting) -> float | None:
+        """The height of the camera above the surface, metres; None in a relative world, which has no altitudes."""
+        return None if sighting.relative else super().height_m(sighting)
+
+    def status(self) -> GroundReport:
+        """Name of the model and depth of the surface."""
+        return GroundReport(model="altitude", home_down_m=self.home_down_m)
+
+
 class FixedGround:
     """The level surface at a configured height below the camera."""
 

@@ -16,6 +16,7 @@ from fwav_companion.config.room_options import (
 )
 from fwav_companion.config.rules import CAMERA_COMPONENT_ID
 from fwav_companion.localization import (
+    AltitudeGround,
     Datum,
     ElevationModel,
     ElevationTile,
@@ -203,6 +204,8 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
         case "terrain":
             model = ElevationModel(elevation) if elevation else None
             return TerrainGround(model, Datum(ground.terrain_datum or Datum.EGM96))
+        case "altitude":
+            return AltitudeGround(ground.alt_amsl or 0.0)
         case "home":
             return HomeGround()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite, radians
 
 import msgspec
@@ -13,12 +13,16 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion, quaternion_from_euler
 
-PLACE, ANGLES = ("lat", "lon", "alt_amsl"), ("roll_deg", "pitch_deg", "yaw_deg")
+PLACE, ANGLES = ("lat", "lon"), ("roll_deg", "pitch_deg", "yaw_deg")
 SIGMAS = ("position_sigma_m", "height_sigma_m", "attitude_sigma_deg")
 ACCEPTED = (
-    "one row a picture with frame or time_unix, lat, lon, alt_amsl, roll_deg, pitch_deg, yaw_deg, "
-    "optionally position_sigma_m, height_sigma_m, attitude_sigma_deg"
+    "one row a picture with file, frame or time_unix, lat, lon, alt with alt_datum (or alt_amsl), roll_deg, pitch_deg, "
+    "yaw_deg, optionally position_sigma_m, height_sigma_m, attitude_sigma_deg, takeoff_alt"
 )
+DATUMS = ("egm96", "ellipsoid", "takeoff")
+TOTAL = "total"
+Undulation = Callable[[float, float], float]
+"""Height of the geoid above the ellipsoid by latitude and longitude, degrees; metres."""
 LARGEST_ANGLE_DEG, LARGEST_SIGMA = 360.0, 10_000.0
 """Largest angle and sigma, the limits of [camera.mount] and of [uncertainty]; a larger number is in other units."""
 SAME_TIME_S = 0.01
@@ -33,7 +37,9 @@ class PhotographPose(msgspec.Struct, frozen=True, kw_only=True):
     """Number of the picture, as in the detections; None: the row has a time."""
     time_unix: float | None
     place: Geodetic
-    """Centre of the camera."""
+    """Centre of the camera; altitude above EGM96."""
+    takeoff_alt_m: float | None = None
+    """Altitude of the take-off above EGM96, metres."""
     ned_from_carrier: Quaternion
     """Attitude of a carrier whose x axis is the optical axis, image right along y."""
     position_sigma_m: float | None
@@ -44,13 +50,24 @@ class PhotographPose(msgspec.Struct, frozen=True, kw_only=True):
     """One sigma about each axis, radians; None: by the configuration."""
 
 
-def parse_poses(text: str, name: str) -> list[PhotographPose]:
-    """The poses of a file. InputFileError names the line and what is accepted."""
+class PosesFile(msgspec.Struct, frozen=True):
+    """The poses of a file, and what its sigmas mean."""
+
+    poses: tuple[PhotographPose, ...]
+    sigmas_are_total: bool
+    """Whether a row's sigma also covers what all pictures share (`# sigmas: total`); else it is the picture's own."""
+
+
+def parse_poses(text: str, name: str, undulation_m: Undulation) -> PosesFile:
+    """The poses of a file, all above EGM96. InputFileError names the line and what is accepted."""
+    remarks, body = _remarks(text.removeprefix("\ufeff"))  # a spreadsheet's byte order mark
     poses: list[PhotographPose] = []
     taken: set[object] = set()
-    for number, row in _rows(text, name):
+    for number, row in _rows(body, name):
         where = f"{name}: line {number}"
-        pose = _pose(row, where)
+        if row.get("alt_datum") is None and "alt_datum" in remarks:
+            row = {**row, "alt_datum": remarks["alt_datum"]}
+        pose = _pose(row, where, len(poses), undulation_m)
         key = pose.time_unix if pose.frame is None else pose.frame
         if (pose.frame is None, key) in taken:
             raise InputFileError(f"{where}: a second row for picture {key}; accepted: {ACCEPTED}")
@@ -58,40 +75,80 @@ def parse_poses(text: str, name: str) -> list[PhotographPose]:
         poses.append(pose)
     if not poses:
         raise InputFileError(f"{name}: it has no pose; accepted: {ACCEPTED}")
-    return poses
+    return PosesFile(tuple(poses), remarks.get("sigmas") == TOTAL)
+
+
+def _remarks(text: str) -> tuple[dict[str, str], str]:
+    """The `# key: value` lines, and the text with empty lines in their place."""
+    remarks, lines = {}, text.split("\n")
+    for index, line in enumerate(lines):
+        if line.startswith("#"):
+            key, _, value = line[1:].partition(":")
+            remarks[key.strip()] = value.strip()
+            lines[index] = ""
+    return remarks, "\n".join(lines)
 
 
 def _rows(text: str, name: str) -> Iterator[tuple[int, Mapping[str, str | None]]]:
-    text = text.removeprefix("\ufeff")  # a spreadsheet's byte order mark would become part of the first column's name
-    reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
+    before = len(text) - len(text.lstrip("\r\n"))  # the reader takes an empty line for the one that names the columns
+    skipped = text[:before].count("\n")
+    reader = csv.DictReader(io.StringIO(text[before:], newline=""), skipinitialspace=True)
     try:
         for row in reader:
-            yield reader.line_num, row
+            yield skipped + reader.line_num, row
     except csv.Error as error:
-        raise InputFileError(f"{name}: line {reader.line_num}: {error}; accepted: {ACCEPTED}") from error
+        raise InputFileError(f"{name}: line {skipped + reader.line_num}: {error}; accepted: {ACCEPTED}") from error
 
 
-def _pose(row: Mapping[str, str | None], where: str) -> PhotographPose:
+def _pose(row: Mapping[str, str | None], where: str, index: int, undulation_m: Undulation) -> PhotographPose:
     frame, time_unix = _frame(row, where), _number(row, "time_unix", where)
     if frame is None and time_unix is None:
-        raise InputFileError(f"{where}: no frame and no time_unix; accepted: {ACCEPTED}")
-    lat, lon, alt = _all_of(row, PLACE, where)
+        if not (row.get("file") or "").strip():
+            raise InputFileError(f"{where}: no file, frame or time_unix; accepted: {ACCEPTED}")
+        frame = index  # the order of the file is that of the pictures
+    lat, lon = _all_of(row, PLACE, where)
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
         raise InputFileError(f"{where}: lat {lat:g}, lon {lon:g} is out of range; accepted: degrees")
     angles = _all_of(row, ANGLES, where)
     if max(map(abs, angles)) > LARGEST_ANGLE_DEG:
         raise InputFileError(f"{where}: the angles {angles} are out of range; accepted: degrees from -360 to 360")
     roll, pitch, yaw = map(radians, angles)
+    takeoff_alt_m = _number(row, "takeoff_alt", where)
+    alt = _altitude(row, where, (lat, lon), takeoff_alt_m, undulation_m)
     position, height, attitude = (_sigma(row, key, where) for key in SIGMAS)
     return PhotographPose(
         frame=frame,
         time_unix=time_unix,
         place=Geodetic.from_degrees(lat, lon, alt),
+        takeoff_alt_m=takeoff_alt_m,
         ned_from_carrier=quaternion_from_euler(roll, pitch, yaw),
         position_sigma_m=position,
         height_sigma_m=height,
         attitude_sigma=None if attitude is None else radians(attitude),
     )
+
+
+def _altitude(
+    row: Mapping[str, str | None],
+    where: str,
+    place: tuple[float, float],
+    takeoff_alt_m: float | None,
+    undulation_m: Undulation,
+) -> float:
+    """The altitude above EGM96, metres: H = h - N for one above the ellipsoid."""
+    metres, datum = _number(row, "alt", where), (row.get("alt_datum") or "").strip()
+    if metres is None:
+        (metres,) = _all_of(row, ("alt_amsl",), where)
+        datum = "egm96"
+    if datum not in DATUMS:
+        raise InputFileError(f"{where}: alt_datum is {datum!r}; accepted: {', '.join(DATUMS)}")
+    if datum == "ellipsoid":
+        return metres - undulation_m(*place)
+    if datum == "takeoff":
+        if takeoff_alt_m is None:
+            raise InputFileError(f"{where}: alt_datum is takeoff without takeoff_alt; accepted: {ACCEPTED}")
+        return metres + takeoff_alt_m
+    return metres
 
 
 def _frame(row: Mapping[str, str | None], where: str) -> int | None:

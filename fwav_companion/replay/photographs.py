@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from math import degrees, hypot, sqrt
+from math import degrees, hypot, inf, nextafter, radians, sqrt
+from statistics import median
 
 import msgspec
 
@@ -23,7 +24,7 @@ from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.pipeline_factory import make_camera
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.photograph_poses import SAME_TIME_S, PhotographPose
+from fwav_companion.recording.photograph_poses import SAME_TIME_S, PhotographPose, PosesFile
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import SkippedLine, read_frames
@@ -39,7 +40,9 @@ from fwav_companion.types import (
 )
 from fwav_companion.vision.wall_clock import RecordingClock
 
-GROUNDS = ("fixed", "terrain")
+GROUNDS = ("fixed", "terrain", "altitude", "home")
+RELIEF_M, RELIEF_PER_HEIGHT = 4.0, 0.05
+"""One sigma of the relief of ground that is taken as flat: a floor, and a part of the height above ground."""
 
 
 class Photographs(msgspec.Struct, frozen=True):
@@ -52,17 +55,23 @@ class Photographs(msgspec.Struct, frozen=True):
     """Lines of the detections that are not frames."""
     notes: Sequence[str] = ()
     """Warnings to the user."""
+    sigmas_are_total: bool = False
+    """Whether a row's sigmas also cover what all pictures share."""
 
 
-def join_photographs(poses: Sequence[PhotographPose], detections: bytes) -> Photographs:
+def join_photographs(file: PosesFile, detections: bytes) -> Photographs:
     """Poses and detections of the same pictures."""
+    poses = file.poses
     entries, _, skipped = read_frames(detections, RecordingClock())
     frames = sorted((entry for entry in entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
     rejected = [entry for entry in entries if isinstance(entry, NoFrame)]
     source = PhotographSource(poses, Geodetic(0.0, 0.0, 0.0))
     without = sum(source.pose_of(frame) is None for frame in frames)
     notes = [f"{without} of {len(frames)} pictures in the detections have no pose in it"] if without else []
-    return Photographs(poses, [*frames, *rejected], skipped, notes)
+    has_sigmas = any(s is not None for p in poses for s in (p.position_sigma_m, p.height_sigma_m, p.attitude_sigma))
+    if has_sigmas and not file.sigmas_are_total:
+        notes.append("its sigmas are each picture's own; `# sigmas: total` keeps the meaning of older files")
+    return Photographs(poses, [*frames, *rejected], skipped, notes, file.sigmas_are_total)
 
 
 def replay_photographs(
@@ -77,8 +86,9 @@ def replay_photographs(
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``."""
     origin = _origin(photographs.poses, config)
-    source = PhotographSource(photographs.poses, origin, config)
-    config = _config_for(photographs.poses, config)
+    total = photographs.sigmas_are_total
+    source = PhotographSource(photographs.poses, origin, config, sigmas_are_total=total)
+    config = _config_for(photographs.poses, config, sigmas_are_total=total)
     log = TargetLog(__version__, config.as_builtins(), 0)
     log.begin(origin)
     camera = make_camera(
@@ -119,7 +129,8 @@ def require_photograph_config(config: Config) -> None:
     ground = config.ground
     if ground.model not in GROUNDS:
         raise ConfigError(
-            f"{config.file}: [ground] model: {ground.model} needs telemetry, --poses has none; accepted: fixed, terrain"
+            f"{config.file}: [ground] model: {ground.model} needs telemetry, --poses has none; "
+            f"accepted: {', '.join(GROUNDS)}"
         )
     if ground.model == "terrain" and not ground.terrain:
         raise ConfigError(f"{config.file}: [ground] terrain: empty; accepted with --poses: elevation files")
@@ -130,21 +141,26 @@ def require_photograph_config(config: Config) -> None:
         )
 
 
-def _config_for(poses: Sequence[PhotographPose], config: Config) -> Config:
-    """The configuration of a camera that is its own carrier: without mount and lever arm, with the poses' sigmas.
+def _config_for(poses: Sequence[PhotographPose], config: Config, *, sigmas_are_total: bool) -> Config:
+    """The configuration of a camera that is its own carrier: without mount and lever arm.
 
-    The least sigma of all rows is the bias that all pictures share. The excess of a row's sigma belongs to its picture
-    alone (:meth:`PhotographSource.take`), so that the covariance of a single fix is that of its row.
+    Each picture's own errors are noise, by :meth:`PhotographSource.state_at`: its attitude error is a small rotation
+    about three axes, whatever it looks at. The biases of the configuration are shared by all pictures. Where sigmas are
+    total, the least of all rows is that bias, and the mount is part of the attitude.
     """
-    least = _least_sigmas(poses, config)
-    by_rows: dict[str, float] = {"mount_bias_deg": 0.0, "lever_arm_sigma_m": 0.0}
-    if any(pose.position_sigma_m is not None for pose in poses):
-        by_rows |= {"position_bias_m": least[0], "position_noise_m": 0.0}
-    if any(pose.height_sigma_m is not None for pose in poses):
-        by_rows |= {"height_bias_m": least[1], "height_noise_m": 0.0}
-    if any(pose.attitude_sigma is not None for pose in poses):
-        angle = degrees(least[2])
-        by_rows |= {"attitude_bias_deg": angle, "heading_bias_deg": angle, "attitude_noise_deg": 0.0}
+    by_rows: dict[str, float] = {
+        "lever_arm_sigma_m": 0.0, "attitude_bias_deg": 0.0, "attitude_noise_deg": 0.0, "position_noise_m": 0.0,
+    }  # fmt: skip
+    if sigmas_are_total:
+        position, height, attitude = _least_sigmas(poses, config)
+        by_rows |= {"position_bias_m": position, "height_bias_m": height, "heading_bias_deg": 0.0}
+        by_rows |= {"mount_bias_deg": degrees(attitude)}
+    if config.ground.model != "fixed" or any(pose.height_sigma_m is not None for pose in poses):
+        by_rows["height_noise_m"] = 0.0
+    if config.ground.model in ("home", "altitude") and config.uncertainty.terrain_m == "auto":
+        height_m = median(pose.place.alt_amsl_m for pose in poses) - _ground_alt_m(poses, config)
+        # The smallest number above 4: of level ground, exactly 4 is what older files have by default, without effect.
+        by_rows["terrain_m"] = max(nextafter(RELIEF_M, inf), RELIEF_PER_HEIGHT * height_m)
     replace = msgspec.structs.replace
     return replace(
         config,
@@ -158,6 +174,15 @@ def _least_sigmas(poses: Sequence[PhotographPose], config: Config) -> tuple[floa
     """The least sigma of position, height and attitude over all pictures, metres and radians."""
     rows = [_sigmas(pose, config) for pose in poses]
     position, height, attitude = (min(column) for column in zip(*rows, strict=True))
+    return position, height, attitude
+
+
+def _own_sigmas(pose: PhotographPose, config: Config) -> tuple[float, float, float]:
+    """One sigma of a picture's own errors of position, height and attitude: from its row, else the noise configured."""
+    given = config.uncertainty
+    by_config = (given.position_noise_m, given.height_noise_m, radians(given.attitude_noise_deg))
+    of_row = (pose.position_sigma_m, pose.height_sigma_m, pose.attitude_sigma)
+    position, height, attitude = (b if own is None else own for own, b in zip(of_row, by_config, strict=True))
     return position, height, attitude
 
 
@@ -179,9 +204,24 @@ def _sigmas(pose: PhotographPose, config: Config) -> tuple[float, float, float]:
 
 def _origin(poses: Sequence[PhotographPose], config: Config) -> Geodetic:
     """The origin: the ground below the first picture of the file; on an elevation model that picture's own place."""
-    place = poses[0].place
-    below_m = config.ground.height_m if config.ground.model == "fixed" else 0.0
-    return msgspec.structs.replace(place, alt_amsl_m=place.alt_amsl_m - below_m)
+    return msgspec.structs.replace(poses[0].place, alt_amsl_m=_ground_alt_m(poses, config))
+
+
+def _ground_alt_m(poses: Sequence[PhotographPose], config: Config) -> float:
+    """Altitude of the ground below the first picture, as far as it is flat; else of that picture. ConfigError."""
+    first, ground = poses[0], config.ground
+    if ground.model == "fixed":
+        return first.place.alt_amsl_m - ground.height_m
+    if ground.model == "altitude":
+        return ground.alt_amsl or 0.0
+    if ground.model == "home":
+        if first.takeoff_alt_m is None:
+            raise ConfigError(
+                f"{config.file}: [ground] model: home, and the poses have no takeoff_alt; accepted: poses with it, "
+                'model = "altitude" or "terrain"'
+            )
+        return first.takeoff_alt_m
+    return first.place.alt_amsl_m
 
 
 class UnixClock:
@@ -213,7 +253,14 @@ class PoseWorld:
 class PhotographSource:
     """Source of the camera's state: the pose of the picture that :meth:`take` selected last."""
 
-    def __init__(self, poses: Sequence[PhotographPose], origin: Geodetic, config: Config | None = None) -> None:
+    def __init__(
+        self,
+        poses: Sequence[PhotographPose],
+        origin: Geodetic,
+        config: Config | None = None,
+        *,
+        sigmas_are_total: bool = False,
+    ) -> None:
         """``config``: None where poses are only looked up."""
         self.clock = UnixClock()
         self.world = PoseWorld()
@@ -222,7 +269,8 @@ class PhotographSource:
         timed = [(pose.time_unix, pose) for pose in poses if pose.frame is None and pose.time_unix is not None]
         self._timed = sorted(timed, key=lambda each: each[0])
         self._config = config
-        self._least = (0.0, 0.0, 0.0) if config is None else _least_sigmas(poses, config)
+        self._shared = (0.0, 0.0, 0.0) if config is None or not sigmas_are_total else _least_sigmas(poses, config)
+        self._sigmas = _sigmas if sigmas_are_total else _own_sigmas
         self._pose: PhotographPose | None = None
 
     def pose_of(self, frame: Frame) -> PhotographPose | None:
@@ -251,9 +299,9 @@ class PhotographSource:
         pose = self._pose
         if pose is None or self._config is None:
             return Unpaired(Reason.NO_POSE)
-        own = _sigmas(pose, self._config)
+        own = self._sigmas(pose, self._config)
         position, height, attitude = (
-            sqrt(max(0.0, sigma * sigma - shared * shared)) for sigma, shared in zip(own, self._least, strict=True)
+            sqrt(max(0.0, sigma * sigma - shared * shared)) for sigma, shared in zip(own, self._shared, strict=True)
         )
         return VehicleState(
             boot_ns=boot_ns,

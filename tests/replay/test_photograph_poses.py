@@ -122,13 +122,99 @@ def test_exact_poses_give_exact_fixes(tmp_path, by):
     assert {line["state"] for line in timed if line["type"] == "target"} == {"tentative", "confirmed"}
 
 
+WITHOUT_BIASES = [
+    word
+    for key in ("position_bias_m", "height_bias_m", "heading_bias_deg", "mount_bias_deg")
+    for word in ("--set", f"uncertainty.{key}=0")
+]
+
+
+def fixes_of(folder):
+    return [line["fix"] for line in lines_of(folder) if line["type"] == "target" and line["fix"]]
+
+
+def nadir_words(folder, sigmas, *, config=FIXED, head=""):
+    """One picture straight down over the target, north up."""
+    angles = np.array([0.0, -np.pi / 2, 0.0])
+    place = moved(TARGET, (0.0, 0.0, -60.0))
+    words = written(folder, [((place, angles), (place, angles))], config=config, sigmas=sigmas)
+    (folder / "poses.csv").write_text(head + (folder / "poses.csv").read_text())
+    return words
+
+
+def test_an_attitude_error_at_the_nadir_counts_about_both_tilt_axes(tmp_path):
+    run_command(*nadir_words(tmp_path, ",0,0,0.5"), *WITHOUT_BIASES, folder=tmp_path)
+    cov = np.array(fixes_of(tmp_path)[0]["cov"])
+    tilt = 60.0 * np.radians(0.5)
+    pixel = 60.0 / 3000.0
+    assert np.sqrt(np.diag(cov)[:2]) == pytest.approx([np.hypot(tilt, pixel)] * 2, rel=1e-3)
+
+
+def test_a_mount_error_at_the_nadir_counts_about_both_tilt_axes(tmp_path):
+    words = nadir_words(tmp_path, ",0,0,0")
+    run_command(*words, *WITHOUT_BIASES, "--set", "uncertainty.mount_bias_deg=0.5", folder=tmp_path)
+    tilt = np.hypot(60.0 * np.radians(0.5), 60.0 / 3000.0)
+    assert np.sqrt(np.diag(np.array(fixes_of(tmp_path)[0]["cov"]))[:2]) == pytest.approx([tilt] * 2, rel=1e-3)
+
+
+def test_equal_row_sigmas_average_out_over_the_pictures(tmp_path):
+    """They are each picture's own; as one bias shared by all (`# sigmas: total`) they do not."""
+    spread = {}
+    for head in ("", "# sigmas: total\n"):
+        words = written(tmp_path, photographs(40), sigmas=",1.0,0.1,0.0")
+        (tmp_path / "poses.csv").write_text(head + (tmp_path / "poses.csv").read_text())
+        held = ("--set", "uncertainty.position_bias_time_s=1e6")  # a bias does not wander
+        done = run_command(*words, *WITHOUT_BIASES, *held, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert ("NOTE" in done.stderr or "each picture's own" in done.stderr) == (head == "")
+        spread[head] = np.sqrt(lines_of(tmp_path)[-2]["cov"][0][0])
+    assert spread[""] < 0.4  # 1 / sqrt(40), and a floor for what the tracker cannot know
+    assert spread["# sigmas: total\n"] > 0.9
+
+
+def test_an_altitude_above_the_ellipsoid_is_brought_to_the_geoid(tmp_path):
+    from fwav_companion.geoid import egm96
+
+    undulation = egm96().undulation_m(TARGET[0], TARGET[1])
+    assert undulation == pytest.approx(46.0, abs=1.5)  # Munich, EGM96
+    config = FIXED.replace('"fixed"', '"altitude"').replace("height_m = 60.0", f"alt_amsl = {TARGET[2]}")
+    words = written(tmp_path, photographs(6), config=config)
+    text = (tmp_path / "poses.csv").read_text().replace("alt_amsl", "alt").splitlines()
+    columns = text[0].split(",").index("alt")
+    rows = [row.split(",") for row in text[1:]]
+    for row in rows:
+        row[columns] = f"{float(row[columns]) + undulation:.3f}"
+    body = "\n".join(["# alt_datum: ellipsoid", text[0], *(",".join(row) for row in rows)])
+    (tmp_path / "poses.csv").write_text(body + "\n")
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.02
+
+
+def test_poses_above_the_take_off_are_over_its_ground_with_relief(tmp_path):
+    """alt_datum takeoff with takeoff_alt, [ground] home: the ground may be 4 m off, and the claim says so."""
+    config = FIXED.replace('"fixed"', '"home"').replace("height_m = 60.0", "")
+    words = written(tmp_path, photographs(6), config=config)
+    text = (tmp_path / "poses.csv").read_text().replace("alt_amsl", "alt").splitlines()
+    columns = text[0].split(",").index("alt")
+    rows = [row.split(",") for row in text[1:]]
+    for row in rows:
+        row[columns] = f"{float(row[columns]) - TARGET[2]:.3f}"
+    body = "\n".join([text[0] + ",alt_datum,takeoff_alt", *(",".join(row) + f",takeoff,{TARGET[2]}" for row in rows)])
+    (tmp_path / "poses.csv").write_text(body + "\n")
+    done = run_command(*words, *WITHOUT_BIASES, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.02
+    assert 3.9 < np.sqrt(fixes_of(tmp_path)[0]["cov"][2][2]) < 4.2
+
+
 def test_the_claim_of_a_fix_is_that_of_its_row(tmp_path):
     sigmas = (0.8, 0.5, np.radians(0.7))
     config = FIXED.replace('"fixed"', '"terrain"').replace("height_m = 60.0", TERRAIN)
     pictures = list(photographs(60, sigmas=sigmas))
     words = written(tmp_path, pictures, config=config, sigmas=",0.8,0.5,0.7")
     flat_model(tmp_path)
-    done = run_command(*words, "--set", "uncertainty.terrain_m=0.01", folder=tmp_path)
+    done = run_command(*words, *WITHOUT_BIASES, "--set", "uncertainty.terrain_m=0.01", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     errors = lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]
     assert errors["samples"] == 60
@@ -192,7 +278,7 @@ GOOD = "0,,48.1,11.5,579,0,-90,0"
     [
         ("", "it has no pose"),
         (f"{COLUMNS}\n", "it has no pose"),
-        (f"{COLUMNS}\n,,48.1,11.5,579,0,-90,0\n", "line 2: no frame and no time_unix"),
+        (f"{COLUMNS}\n,,48.1,11.5,579,0,-90,0\n", "line 2: no file, frame or time_unix"),
         (f"{COLUMNS}\n{GOOD}\n1,,48.1,,579,0,-90,0\n", "line 3: no lon"),
         (f"{COLUMNS}\n{GOOD}\n{GOOD}\n", "line 3: a second row for picture 0"),
         (f"{COLUMNS}\n0,,148.1,11.5,579,0,-90,0\n", "line 2: lat 148.1"),
@@ -216,7 +302,8 @@ def test_a_bad_row_is_one_line_and_exit_2(tmp_path, text, said):
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        (FIXED.replace('"fixed"', '"home"'), r"\[ground\] model: home"),
+        (FIXED.replace('"fixed"', '"home"'), r"\[ground\] model: home.*takeoff_alt"),
+        (FIXED.replace('"fixed"', '"altitude"'), "alt_amsl"),
         (FIXED.replace('"fixed"', '"rangefinder"'), r"\[ground\] model: rangefinder"),
         (FIXED.replace('"fixed"', '"terrain"\nterrain = ["a.hgt"]\nterrain_datum = "ellipsoid"'), "terrain_datum"),
     ],
