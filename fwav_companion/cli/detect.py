@@ -10,21 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.cli.signals import as_by_ctrl_c
-from fwav_companion.errors import ConfigError, InputFileError
+from fwav_companion.errors import ConfigError, InputFileError, UserError
 from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from fwav_companion.config import Config
-    from fwav_companion.tools.detect.recorded_pictures import RecordedPictures
+    from fwav_companion.photographs.picture_pose import AltDatum
+    from fwav_companion.tools.detect.recorded_pictures import PoseRow, RecordedPictures
     from fwav_companion.vision.images import Detector
-
-COLUMNS = (
-    "frame", "lat", "lon", "alt_amsl", "roll_deg", "pitch_deg", "yaw_deg", "position_sigma_m", "height_sigma_m",
-)  # fmt: skip
-"""Columns of a file of poses, as `replay --poses` reads it."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -50,10 +46,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         type=Path,
         help="a folder of pictures, a recording with pictures, a picture, or a video",
     )
-    add("--config", metavar="FILE", required=True, help="the configuration; its [vision] names the detector")
-    add("--out", metavar="D.jsonl", type=Path, required=True, help="the detections, a line a picture")
+    add("--config", metavar="FILE", help="the configuration; its [vision] names the detector. Without: poses alone")
+    add("--out", metavar="D.jsonl", type=Path, help="the detections, a line a picture")
     add("--start", metavar="TIME", help="time of the first picture, ISO 8601 with a zone; for a video required")
-    add("--poses-out", metavar="CSV", type=Path, help="the poses that the pictures' metadata has (DJI, Parrot, Autel)")
+    add("--poses-out", metavar="CSV", type=Path, help="the poses that the pictures' tags have")
+    add("--alt-datum", choices=("egm96", "ellipsoid", "takeoff"), help="what the pictures' altitudes count from")
     add("--json", action="store_true", help="end with the counts as one JSON object")
     parser.set_defaults(run=run)
 
@@ -65,6 +62,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _detected(arguments: argparse.Namespace) -> int:
+    if arguments.config is None:
+        return _poses_alone(arguments)
+    if arguments.out is None:
+        raise UserError("detect: --config without --out; accepted: --out D.jsonl")
     require("detect", "numpy", "cv2")
     from fwav_companion.config import load
     from fwav_companion.tools.detect.recorded_pictures import parse_start, recorded_pictures
@@ -72,15 +73,44 @@ def _detected(arguments: argparse.Namespace) -> int:
     config = load(arguments.config)
     detector = _detector(config)
     start = None if arguments.start is None else parse_start(arguments.start)
-    if not _has_own_times(arguments.pictures):
+    if arguments.poses_out is not None or not _has_own_times(arguments.pictures):
         require("detect", "PIL")
-    pictures = recorded_pictures(arguments.pictures, start)
+    wanted = arguments.poses_out is not None
+    pictures = recorded_pictures(arguments.pictures, start, poses=wanted, alt_datum=_datum(arguments))
     counts = _write_detections(arguments.out, pictures, detector)
     if arguments.poses_out is not None:
         _write_poses(arguments.poses_out, pictures.poses, arguments.pictures)
         counts["poses"] = len(pictures.poses)
     print(json.dumps(counts) if arguments.json else ", ".join(f"{number} {name}" for name, number in counts.items()))
     return 0
+
+
+def _poses_alone(arguments: argparse.Namespace) -> int:
+    """Write the poses of the pictures; needs no configuration, and no times."""
+    if arguments.poses_out is None or arguments.out is not None:
+        raise UserError("detect: no --config; accepted: --config FILE with --out, or --poses-out CSV alone")
+    require("detect", "PIL", "cv2")
+    from fwav_companion.cli.progress import steps
+    from fwav_companion.tools.detect.recorded_pictures import pose_rows
+
+    count, rows = pose_rows(arguments.pictures, _datum(arguments))
+    poses = []
+    with steps("poses", count) as step:
+        for row in rows:
+            if row is None:
+                step()
+            else:
+                poses.append(row)
+    _write_poses(arguments.poses_out, poses, arguments.pictures)
+    counts = {"pictures": count, "poses": len(poses)}
+    print(json.dumps(counts) if arguments.json else ", ".join(f"{number} {name}" for name, number in counts.items()))
+    return 0
+
+
+def _datum(arguments: argparse.Namespace) -> AltDatum | None:
+    from fwav_companion.photographs.picture_pose import AltDatum
+
+    return None if arguments.alt_datum is None else AltDatum(arguments.alt_datum)
 
 
 def _has_own_times(path: Path) -> bool:
@@ -124,11 +154,15 @@ def _write_detections(out: Path, pictures: RecordedPictures, detector: Detector)
     return {"frames": frames, "detections": detections}
 
 
-def _write_poses(out: Path, poses: Sequence[Mapping[str, float]], pictures: Path) -> None:
+def _write_poses(out: Path, poses: Sequence[PoseRow], pictures: Path) -> None:
     from fwav_companion.on_disk import whole
 
     if not poses:
-        raise InputFileError(f"{pictures}: no picture has a pose in its XMP; accepted: those of DJI, Parrot or Autel")
+        raise InputFileError(
+            f"{pictures}: no picture has a pose in its tags; accepted: those of DJI, Parrot, Autel, Skydio and others"
+        )
+    from fwav_companion.photographs.poses_table import COLUMNS
+
     columns = [name for name in COLUMNS if any(name in pose for pose in poses)]
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, restval="")

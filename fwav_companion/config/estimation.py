@@ -46,7 +46,7 @@ class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """[ground]: the surface that rays are intersected with."""
 
     model: Literal["home", "fixed", "rangefinder", "terrain", "altitude"] = "home"
-    """``home``: the surface at take-off height; ``fixed``: height_m below the camera; ``altitude``: flat at alt_amsl."""
+    """``home``: the surface at take-off height; ``fixed``: height_m below the camera; ``altitude``: at alt_amsl."""
     alt_amsl: Annotated[float, Meta(ge=-1000, le=10_000)] | None = None
     """Altitude of the ground for ``altitude``, metres above mean sea level (EGM96)."""
     height_m: Positive = 1.2

@@ -6,7 +6,7 @@ import re
 from datetime import UTC, datetime, timedelta, timezone
 from typing import Any, Final
 
-from fwav_companion.photographs.tags import PictureTags, number_of
+from fwav_companion.photographs.tags import PictureTags, finite_number
 
 MAKE, MODEL, ORIENTATION = 0x010F, 0x0110, 0x0112
 TIME, SUBSECONDS, OFFSET, EXPOSURE = 0x9003, 0x9291, 0x9011, 0x829A
@@ -33,14 +33,14 @@ def exif_place(tags: PictureTags) -> tuple[float, float] | None:
 
 def exif_altitude(tags: PictureTags) -> float | None:
     """Altitude, metres; GPSAltitudeRef 1 means below the reference."""
-    altitude = number_of(tags.gps.get(ALT))
+    altitude = finite_number(tags.gps.get(ALT))
     below = tags.gps.get(ALT_REF) in (1, b"\x01", "1")
     return -altitude if altitude is not None and below else altitude
 
 
 def stated_size(tags: PictureTags) -> tuple[int, int] | None:
     """Width and height of the image when it was taken, by EXIF."""
-    width, height = number_of(tags.exif.get(WIDTH)), number_of(tags.exif.get(HEIGHT))
+    width, height = finite_number(tags.exif.get(WIDTH)), finite_number(tags.exif.get(HEIGHT))
     return (int(width), int(height)) if width and height and width >= 1.0 and height >= 1.0 else None
 
 
@@ -74,7 +74,7 @@ def utc_time(tags: PictureTags) -> float | None:
     parts = tags.gps.get(GPS_TIME, ())
     try:
         day = datetime.strptime(str(tags.gps.get(GPS_DATE)).strip("\0"), "%Y:%m:%d").replace(tzinfo=UTC)
-        hours, minutes_, seconds = (part for each in parts if (part := number_of(each)) is not None)
+        hours, minutes_, seconds = (part for each in parts if (part := finite_number(each)) is not None)
     except (ValueError, TypeError):
         return None
     return day.timestamp() + 3600.0 * hours + 60.0 * minutes_ + seconds
@@ -82,7 +82,7 @@ def utc_time(tags: PictureTags) -> float | None:
 
 def _exact_utc(text: str) -> float | None:
     """UTCAtExposure: microseconds since 1970, or a date with its time."""
-    microseconds = number_of(text)
+    microseconds = finite_number(text)
     if microseconds is not None:
         return microseconds * 1e-6 if microseconds > 0.0 else None
     try:
@@ -97,6 +97,6 @@ def _letter(value: Any) -> str:
 
 
 def _degrees(parts: Any) -> float | None:
-    numbers = [number_of(part) for part in parts] if isinstance(parts, tuple) and len(parts) == 3 else []
+    numbers = [finite_number(part) for part in parts] if isinstance(parts, tuple) and len(parts) == 3 else []
     known = [number for number in numbers if number is not None]
     return known[0] + known[1] / 60.0 + known[2] / 3600.0 if len(known) == 3 else None

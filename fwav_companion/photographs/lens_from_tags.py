@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.photographs.exif_tags import FOCAL_35MM, MODEL, text_of
 from fwav_companion.photographs.picture_pose import NoLens, PictureLens
-from fwav_companion.photographs.tags import PictureTags, number_of
+from fwav_companion.photographs.tags import PictureTags, finite_number
 
 CALIBRATED_SIGMA: Final = 0.003
 """Of the maker's own calibration of this camera (DewarpData)."""
@@ -74,7 +74,7 @@ def lens_from_field_of_view(size: tuple[int, int], focal_px: float, sigma: float
 def _dewarp(tags: PictureTags) -> PictureLens | None:
     """DJI: date;fx,fy,cx,cy,k1,k2,p1,p2,k3, where cx and cy are offsets from the picture's centre."""
     _, _, listed = tags.text("DewarpData").rpartition(";")
-    numbers = [number for part in listed.split(",") if (number := number_of(part)) is not None]
+    numbers = [number for part in listed.split(",") if (number := finite_number(part)) is not None]
     if len(numbers) != DEWARP_NUMBERS or min(numbers[:2]) <= 0.0:
         return None
     fx, fy, cx, cy, *distortion = numbers
@@ -118,7 +118,7 @@ def _thermal(tags: PictureTags) -> PictureLens | None:
 
 def _equivalent(tags: PictureTags) -> PictureLens | None:
     """35 mm equivalent by the width rule, within 1 % of calibrated lenses on 4:3 sensors (Skydio 2, Phantom 4 RTK)."""
-    equivalent = number_of(tags.exif.get(FOCAL_35MM))
+    equivalent = finite_number(tags.exif.get(FOCAL_35MM))
     source = tags.text("ImageSource").lower()
     if equivalent is None or equivalent <= 0.0 or "infrared" in source or "thermal" in source:
         return None

@@ -27,7 +27,7 @@ from fwav_companion.photographs.picture_pose import (
     PoseSigmas,
     Sigma,
 )
-from fwav_companion.photographs.tags import PictureTags, number_of
+from fwav_companion.photographs.tags import PictureTags, finite_number
 
 RTK_FIXED, RTK_FLOAT, SINGLE = 50, 32, 16
 """DJI's RtkFlag: fixed; the least of float (32 to 49); a single solution, above the ellipsoid, too."""
@@ -169,7 +169,7 @@ def _absolute(tags: PictureTags, layout: MakerLayout) -> tuple[Altitude | None, 
 
 
 def _rtk_flag(tags: PictureTags) -> int:
-    flag = number_of(tags.text("RtkFlag"))
+    flag = finite_number(tags.text("RtkFlag"))
     return int(flag) if flag is not None and abs(flag) < 1000.0 else 0
 
 

@@ -32,7 +32,7 @@ class PictureTags(msgspec.Struct, frozen=True, kw_only=True):
 
     def number(self, *names: str) -> float | None:
         """The first of these XMP values that is a finite number."""
-        return next((number for name in names if (number := number_of(self.xmp.get(name))) is not None), None)
+        return next((number for name in names if (number := finite_number(self.xmp.get(name))) is not None), None)
 
     def text(self, *names: str) -> str:
         """The first of these XMP values that is not empty, else ""."""
@@ -73,7 +73,7 @@ def _put(found: dict[str, str], holder: str, prefix: str, name: str, value: str)
         found.setdefault(key, value)
 
 
-def number_of(value: Any) -> float | None:
+def finite_number(value: Any) -> float | None:
     """The value as a finite number, also "a/b" and with a plus sign; None where it is not one."""
     try:
         number = float(Fraction(value.strip())) if isinstance(value, str) and "/" in value else float(value)

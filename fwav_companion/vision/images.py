@@ -46,6 +46,8 @@ class Picture:
     """Source of the stamp: sensor, driver, arrival, server, file; "": the name of the stamp."""
     skipped: int = 0
     """Number of pictures that were skipped before it."""
+    file: str = ""
+    """Name of the picture's file; "" for a camera."""
 
 
 class DetectorError(CompanionError):
@@ -129,4 +131,6 @@ def frame_bytes(picture: Picture, found: list[Found], kept: int | None = None) -
         frame["exposure_s"] = picture.exposure_s
     if kept is not None:
         frame["picture"] = kept
+    if picture.file:
+        frame["file"] = picture.file
     return msgspec.json.encode(frame)

@@ -25,7 +25,7 @@ DJI = (
     '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:GpsLatitude="+48.1371999" '
     'drone-dji:GpsLongtitude="+11.5756003" drone-dji:AbsoluteAltitude="+560.40" drone-dji:GimbalRollDegree="+0.10" '
     'drone-dji:GimbalYawDegree="-33.50" drone-dji:GimbalPitchDegree="-89.90" drone-dji:RtkStdLon="0.011" '
-    'drone-dji:RtkStdLat="0.012" drone-dji:RtkStdHgt="0.031"/></x:xmpmeta>'
+    'drone-dji:RtkStdLat="0.012" drone-dji:RtkStdHgt="0.031" drone-dji:RtkFlag="50"/></x:xmpmeta>'
 )
 
 
@@ -153,15 +153,46 @@ def test_the_poses_of_a_makers_metadata_are_what_replay_reads(tmp_path, config):
     photograph(folder / "b.jpg", time="2026:05:01 14:00:01", offset="+02:00", xmp=parrot, gps=gps)
     photograph(folder / "c.jpg", time="2026:05:01 14:00:02", offset="+02:00")
     assert detected(config, folder, "--poses-out", str(out))[0] == 0
-    poses = parse_poses(out.read_text(), "poses.csv")
+    poses = parse_poses(out.read_text(), "poses.csv", lambda lat, lon: 46.0).poses
     assert [pose.frame for pose in poses] == [0, 1]
+    assert poses[0].place.alt_amsl_m == pytest.approx(560.4 - 46.0)  # RTK: above the ellipsoid
     first, second = csv.DictReader(out.read_text().splitlines())
-    assert {key: float(value) for key, value in first.items()} == {
-        "frame": 0, "lat": 48.1371999, "lon": 11.5756003, "alt_amsl": 560.4, "roll_deg": 0.1, "pitch_deg": -89.9,
-        "yaw_deg": -33.5, "position_sigma_m": 0.012, "height_sigma_m": 0.031,
+    assert first == {
+        "file": "a.jpg", "frame": "0", "time_unix": str(NOON_S), "lat": "48.1371999", "lon": "11.5756003",
+        "alt": "560.4", "alt_datum": "ellipsoid", "roll_deg": "0.1", "pitch_deg": "-89.9", "yaw_deg": "-33.5",
+        "position_sigma_m": "0.012", "height_sigma_m": "0.031", "attitude_sigma_deg": "0.3", "width": "640",
+        "height": "480",
     }  # fmt: skip
-    assert [float(second[key]) for key in ("lat", "lon", "alt_amsl")] == pytest.approx([-33.5, -70.6, 620.5])
-    assert second["position_sigma_m"] == ""
+    assert [float(second[key]) for key in ("lat", "lon", "alt")] == pytest.approx([-33.5, -70.6, 620.5])
+    assert (second["alt_datum"], second["position_sigma_m"]) == ("egm96", "1.0")
+
+
+def test_poses_alone_need_no_configuration_and_no_times(tmp_path, capsys):
+    folder, out = tmp_path / "pictures", tmp_path / "poses.csv"
+    folder.mkdir()
+    photograph(folder / "a.jpg", xmp=DJI)
+    photograph(folder / "b.jpg")
+    photograph(folder / "c.jpg", xmp=DJI)
+    assert main(["detect", str(folder), "--poses-out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"pictures": 3, "poses": 2}
+    assert [(row["file"], row["frame"]) for row in csv.DictReader(out.read_text().splitlines())] == [
+        ("a.jpg", "0"),
+        ("c.jpg", "2"),
+    ]
+    assert main(["detect", str(folder)]) == 2
+    assert "--poses-out CSV alone" in capsys.readouterr().err
+
+
+def test_pictures_with_stamps_give_the_poses_of_their_tags(tmp_path, config):
+    folder, out = tmp_path / "pictures", tmp_path / "poses.csv"
+    folder.mkdir()
+    photograph(folder / "a.jpg", xmp=DJI)
+    (folder / "stamps.jsonl").write_text(json.dumps({"file": "a.jpg", "time_unix": NOON_S, "frame": 7}) + "\n")
+    status, frames = detected(config, folder, "--poses-out", str(out))
+    assert status == 0
+    assert frames[0]["file"] == "a.jpg"
+    (row,) = csv.DictReader(out.read_text().splitlines())
+    assert (row["frame"], row["alt_datum"], float(row["lat"])) == ("7", "ellipsoid", 48.1371999)
 
 
 @pytest.mark.parametrize(

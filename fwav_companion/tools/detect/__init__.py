@@ -1,5 +1,4 @@
 """SHELL: the configured detector over recorded pictures.
 
-``recorded_pictures`` reads folders, files and videos with their times; ``photo_metadata`` reads EXIF (Pillow) and the
-XMP of drone makers.
+``recorded_pictures`` reads folders, files and videos with their times, and the poses of pictures by their tags.
 """

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import cv2
 import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
+from fwav_companion.photographs.exif_tags import EXPOSURE, local_time, utc_time
+from fwav_companion.photographs.files import read_tags
+from fwav_companion.photographs.picture_pose import AltDatum, PicturePose
+from fwav_companion.photographs.pose_from_tags import pose_from_tags
+from fwav_companion.photographs.poses_table import pose_row
+from fwav_companion.photographs.tags import PictureTags, finite_number
 from fwav_companion.recording.folder import PICTURES, STAMPS
-from fwav_companion.tools.detect.photo_metadata import PhotoMetadata, read_metadata
 from fwav_companion.vision.images import (
     Picture,
     SourceLostError,
@@ -30,13 +35,16 @@ WANTED_START: Final = (
 )
 
 
+PoseRow: TypeAlias = Mapping[str, str | float | int]
+
+
 class RecordedPictures(msgspec.Struct, frozen=True, kw_only=True):
     """Pictures in their order."""
 
     count: int
     """Number of pictures."""
     pictures: Iterator[Picture]
-    poses: list[Mapping[str, float]]
+    poses: list[PoseRow]
     """Poses of those read until now, by the rows of a file of poses."""
 
 
@@ -51,14 +59,51 @@ def parse_start(text: str) -> datetime:
     return start
 
 
-def recorded_pictures(path: Path, start: datetime | None) -> RecordedPictures:
-    """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing."""
+def recorded_pictures(
+    path: Path, start: datetime | None, *, poses: bool = False, alt_datum: AltDatum | None = None
+) -> RecordedPictures:
+    """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing.
+
+    ``poses``: also of pictures with stamps, whose tags are not needed otherwise.
+    """
     path = folder_of(path)
     if path.is_dir():
-        return _stamped(path) if (path / STAMPS_FILE).is_file() else _photographs(_files(path), start)
+        if (path / STAMPS_FILE).is_file():
+            return _stamped(path, poses, alt_datum)
+        return _photographs(_files(path), start, alt_datum)
     if not path.is_file():
         raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, a picture, or a video")
-    return _photographs([path], start) if path.suffix.lower() in SUFFIXES else _video(path, start)
+    return _photographs([path], start, alt_datum) if path.suffix.lower() in SUFFIXES else _video(path, start)
+
+
+def pose_rows(path: Path, alt_datum: AltDatum | None = None) -> tuple[int, Iterator[PoseRow | None]]:
+    """The number of pictures, and their poses in the order of their times where all have one, else of their names.
+
+    A picture without a pose gives None. InputFileError where there are no pictures.
+    """
+    path = folder_of(path)
+    if not path.exists():
+        raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, or a picture")
+    files = _files(path) if path.is_dir() else [path]
+
+    def read() -> Iterator[PoseRow | None]:
+        found = []
+        for file in files:
+            tags = read_tags(file)
+            found.append((utc_time(tags), _row(file, tags, alt_datum)))
+            yield None
+        if all(time is not None for time, _ in found):
+            found.sort(key=lambda each: each[0] or 0.0)
+        for number, (time, row) in enumerate(found):
+            if row is not None:
+                yield {"frame": number, **({} if time is None else {"time_unix": round(time, 6)}), **row}
+
+    return len(files), read()
+
+
+def _row(file: Path, tags: PictureTags, alt_datum: AltDatum | None) -> dict[str, str | float | int] | None:
+    pose = pose_from_tags(tags)
+    return pose_row(file.name, pose, tags.size, alt_datum) if isinstance(pose, PicturePose) else None
 
 
 def folder_of(path: Path) -> Path:
@@ -73,12 +118,14 @@ def _files(folder: Path) -> list[Path]:
     return files
 
 
-def _stamped(folder: Path) -> RecordedPictures:
+def _stamped(folder: Path, poses: bool, alt_datum: AltDatum | None) -> RecordedPictures:
     """A folder with ``stamps.jsonl``, as the folder source has it."""
     text = content(folder / STAMPS_FILE)
     lines = text.splitlines()
     if lines and not text.endswith((b"\n", b"}")):  # a power cut may leave an incomplete line
         del lines[-1]
+
+    rows: list[PoseRow] = []
 
     def read() -> Iterator[Picture]:
         for number, line in enumerate(lines, start=1):
@@ -89,31 +136,38 @@ def _stamped(folder: Path) -> RecordedPictures:
             except SourceLostError as error:
                 raise InputFileError(str(error)) from None
             file = folder / Path(str(described.get("file"))).name
-            yield Picture(_pixels(file), stamp, number_of(described), exposure_of(described))
+            frame = number_of(described)
+            row = _row(file, read_tags(file), alt_datum) if poses else None
+            if row is not None:
+                key: dict[str, float] = {name: value for name, value in stamp.items() if name == "time_unix"}
+                rows.append({**key, **({} if frame is None else {"frame": frame}), **row})
+            yield Picture(_pixels(file), stamp, frame, exposure_of(described), file=file.name)
 
-    return RecordedPictures(count=len(lines), pictures=read(), poses=[])
+    return RecordedPictures(count=len(lines), pictures=read(), poses=rows)
 
 
-def _photographs(files: list[Path], start: datetime | None) -> RecordedPictures:
-    metadata = [read_metadata(file) for file in files]
+def _photographs(files: list[Path], start: datetime | None, alt_datum: AltDatum | None) -> RecordedPictures:
+    metadata = [read_tags(file) for file in files]
     times = _times(files, metadata, start)
     order = sorted(range(len(files)), key=lambda i: times[i])
-    poses: list[Mapping[str, float]] = []
+    poses: list[PoseRow] = []
 
     def read() -> Iterator[Picture]:
         for number, i in enumerate(order):
-            pose = metadata[i].pose
-            if pose is not None:
-                poses.append({"frame": number, **pose})
-            yield Picture(_pixels(files[i]), {"time_unix": round(times[i], 6)}, number, metadata[i].exposure_s)
+            stamp = {"time_unix": round(times[i], 6)}
+            row = _row(files[i], metadata[i], alt_datum)
+            if row is not None:
+                poses.append({"frame": number, **stamp, **row})
+            exposure_s = finite_number(metadata[i].exif.get(EXPOSURE))
+            yield Picture(_pixels(files[i]), stamp, number, exposure_s, file=files[i].name)
 
     return RecordedPictures(count=len(files), pictures=read(), poses=poses)
 
 
-def _times(files: list[Path], metadata: list[PhotoMetadata], start: datetime | None) -> list[float]:
+def _times(files: list[Path], metadata: list[PictureTags], start: datetime | None) -> list[float]:
     """Unix times; with ``start`` by the camera's clock from the first picture on."""
     if start is not None:
-        local = [each.local for each in metadata]
+        local = [local_time(each) for each in metadata]
         if len(files) == 1:
             return [start.timestamp()]
         for file, time in zip(files, local, strict=True):
@@ -121,10 +175,11 @@ def _times(files: list[Path], metadata: list[PhotoMetadata], start: datetime | N
                 raise InputFileError(f"{file}: no time in its EXIF; accepted: pictures with one, or {STAMPS_FILE}")
         known = [time for time in local if time is not None]
         return [start.timestamp() + (time - min(known)).total_seconds() for time in known]
-    for file, each in zip(files, metadata, strict=True):
-        if each.utc_s is None:
+    times = [utc_time(each) for each in metadata]
+    for file, time_s in zip(files, times, strict=True):
+        if time_s is None:
             raise InputFileError(f"{file}: its EXIF has neither a time with a zone nor GPS time; {WANTED_START}")
-    return [each.utc_s for each in metadata if each.utc_s is not None]
+    return [time_s for time_s in times if time_s is not None]
 
 
 def _video(path: Path, start: datetime | None) -> RecordedPictures:
