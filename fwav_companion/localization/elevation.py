@@ -31,6 +31,8 @@ class ElevationTile(msgspec.Struct, frozen=True):
     """Height of the sample at (row, column), metres; NaN is a void."""
     name: str
     """Name of the file."""
+    datum: str = ""
+    """Vertical datum by the file's own coordinate system: egm96, egm2008 or ellipsoid; "" where it states none."""
 
     def row_column(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         """Fractional (row, column) of a place, also across the antimeridian."""

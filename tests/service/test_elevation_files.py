@@ -1,6 +1,7 @@
 """Elevation files, written by rasterio or by hand, against rasterio's own reading of them."""
 
 from math import isnan
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -91,7 +92,9 @@ class TestFiles:
             ("N47E008.hgt", b"", "square of 16-bit samples"),
             ("alps.hgt", b"\0" * 8, "N47E008.hgt"),
             ("model.tif", b"no tiff", "model.tif"),
-            ("model.dt2", b"", ".hgt, .tif and .tiff"),
+            ("model.xyz", b"", ".hgt, .hgt.zip, .tif, .tiff, .dt0, .dt1 and .dt2"),
+            ("model.dt2", b"", "accepted"),
+            ("N47E008.hgt.zip", b"PK", "broken zip"),
             (None, None, "missing.tif"),
         ],
     )
@@ -102,6 +105,77 @@ class TestFiles:
         with pytest.raises(InputFileError, match=str(path.name)) as refusal:
             read_elevation([path])
         assert says in str(refusal.value)
+
+    @pytest.mark.parametrize("void", [-32768, -9999, 9999, -600])
+    def test_geotiff_with_untagged_voids_has_no_ground_there(self, tmp_path, void):
+        data = self.heights.copy()
+        data[3, 3] = void
+        (read,) = read_elevation([self.write(tmp_path / "v.tif", data=data, nodata=None)])
+        assert isnan(read.height_m(3, 3))
+        assert read.height_m(3, 4) == data[3, 4]
+
+    def test_projected_model_with_untagged_voids_blends_none_into_the_land(self, tmp_path):
+        data = np.full((200, 200), 300.0, dtype=np.float32)
+        data[100, 100] = -9999.0
+        transform = from_origin(460000.0, 5250000.0, 1.0, 1.0)
+        path = self.write(tmp_path / "u.tif", crs="EPSG:32632", transform=transform, data=data, nodata=None)
+        (read,) = read_elevation([path])
+        heights = [read.height_m(row, column) for row in range(read.rows) for column in range(read.columns)]
+        known = [height for height in heights if not isnan(height)]
+        assert min(known) == pytest.approx(300.0, abs=1e-3)
+
+    def test_hgt_with_untagged_voids_has_no_ground_there(self, tmp_path):
+        data = np.full((1201, 1201), 300, dtype=">i2")
+        data[5, 6], data[5, 7] = -9999, 9999
+        (tmp_path / "N47E008.hgt").write_bytes(data.tobytes())
+        (read,) = read_elevation([tmp_path / "N47E008.hgt"])
+        assert isnan(read.height_m(5, 6))
+        assert isnan(read.height_m(5, 7))
+        assert read.height_m(5, 8) == 300.0
+
+    @pytest.mark.parametrize(("unit", "metres"), [("ft", 0.3048), ("metre", 1.0), ("US survey foot", 1200 / 3937)])
+    def test_geotiff_with_scale_offset_and_unit_is_read_in_metres(self, tmp_path, unit, metres):
+        path = self.write(tmp_path / "f.tif", data=np.abs(self.heights))
+        with rasterio.open(path, "r+") as out:
+            out.scales, out.offsets, out.units = (0.5,), (100.0,), (unit,)
+        (read,) = read_elevation([path])
+        assert read.height_m(7, 11) == pytest.approx((abs(int(self.heights[7, 11])) * 0.5 + 100.0) * metres, abs=1e-3)
+
+    def test_zipped_hgt_is_read_as_the_file_in_it(self, tmp_path):
+        data = np.arange(1201 * 1201, dtype=np.int64) % 900
+        with ZipFile(tmp_path / "N47E008.hgt.zip", "w") as archive:
+            archive.writestr("N47E008.hgt", data.astype(">i2").tobytes())
+        (read,) = read_elevation([tmp_path / "N47E008.hgt.zip"])
+        assert (read.height_m(0, 5), read.height_m(1200, 1200)) == (5.0, float(data[-1]))
+
+    def test_dted_is_read_from_its_north_west(self, tmp_path):
+        data = (np.arange(121)[:, None] * 2 + np.arange(121)[None, :] - 100).astype(np.int16)
+        step = 1.0 / 120.0
+        transform = from_origin(8.0 - step / 2, 48.0 + step / 2, step, step)
+        profile = {"driver": "DTED", "height": 121, "width": 121, "count": 1, "dtype": "int16", "crs": "EPSG:4326"}
+        with rasterio.open(tmp_path / "n47.dt0", "w", transform=transform, **profile) as out:
+            out.write(data, 1)
+        model = ElevationModel(read_elevation([tmp_path / "n47.dt0"]))
+        assert model.height_m(48.0 - 60 * step, 8.0 + 30 * step) == pytest.approx(50.0, abs=0.01)
+        assert model.height_m(48.0 - 10 * step, 8.0 + 20 * step) == pytest.approx(-60.0, abs=0.01)
+
+    def test_of_several_files_the_finest_counts(self, tmp_path):
+        coarse = self.write(tmp_path / "c.tif", data=np.full((40, 40), 100, dtype=np.int16))
+        fine = self.write(
+            tmp_path / "f.tif", data=np.full((100, 100), 200, dtype=np.int16),
+            transform=from_origin(8.001, 46.999, STEP / 10, STEP / 10),
+        )  # fmt: skip
+        for order in ([coarse, fine], [fine, coarse]):
+            model = ElevationModel(read_elevation(order))
+            assert model.height_m(46.998, 8.002) == 200.0
+            assert model.height_m(46.992, 8.008) == 100.0
+
+    @pytest.mark.parametrize(
+        ("crs", "datum"), [("EPSG:4326", ""), ("EPSG:4326+3855", "egm2008"), ("EPSG:4326+5773", "egm96")]
+    )
+    def test_datum_is_that_of_the_file_s_vertical_system(self, tmp_path, crs, datum):
+        (read,) = read_elevation([self.write(tmp_path / "a.tif", crs=crs)])
+        assert read.datum == datum
 
     def test_a_file_without_a_place_is_refused(self, tmp_path):
         with pytest.raises(InputFileError, match="coordinate system"):

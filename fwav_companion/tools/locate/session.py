@@ -84,7 +84,7 @@ class LocateSession:
             scale,
             geoid,
             elevation=model,
-            terrain_datum=options.terrain_datum,
+            terrain_datum=next((tile.datum for tile in tiles if tile.datum), options.terrain_datum),
             configured=options.configured,
         )
         self._geoid = geoid
