@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from fwav_companion.tools.locate.answers import Answers
     from fwav_companion.tools.locate.clicks import Click
-    from fwav_companion.tools.locate.photographs import CameraOptions
+    from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
     from fwav_companion.tools.locate.session import GroundOptions
 
 EXIT_NO_PLACE = 1
@@ -41,8 +41,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("pictures", metavar="PICTURES", nargs="+", type=Path, help="pictures, or folders of pictures")
+    add("pictures", metavar="PICTURES|VIDEO", nargs="+", type=Path, help="pictures, folders of pictures, or a video")
     add("--pixel", metavar="U,V", action="append", default=[], help="of the thing, once a picture, in their order")
+    add(
+        "--at", metavar="TIME", action="append", default=[], help="time in a video, as 00:01:23.4; one for each --pixel"
+    )
     add("--pixels", metavar="FILE", type=Path, help="many: CSV with file, u, v, label, or gcp_list.txt")
     add("--label", metavar="NAME", default="target", help="name of the thing (default: target)")
     add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
@@ -69,11 +72,15 @@ def _located(arguments: argparse.Namespace) -> int:
     from fwav_companion.tools.locate.photographs import read_photographs
     from fwav_companion.tools.locate.session import LocateSession, NoAnswer
 
-    paths = _pictures(arguments.pictures)
-    clicks = _clicks(arguments, [path.name for path in paths])
-    wanted = {click.file for click in clicks}
-    paths = [path for path in paths if path.name in wanted] or paths
-    session = LocateSession(read_photographs(paths, _camera_options(arguments)), _ground_options(arguments))
+    if _is_video(arguments.pictures):
+        photographs, clicks = _frames(arguments)
+    else:
+        paths = _pictures(arguments.pictures)
+        clicks = _clicks(arguments, [path.name for path in paths])
+        wanted = {click.file for click in clicks}
+        paths = [path for path in paths if path.name in wanted] or paths
+        photographs = read_photographs(paths, _camera_options(arguments))
+    session = LocateSession(photographs, _ground_options(arguments))
     answers = session.located(clicks)
     if isinstance(answers, NoAnswer):
         print(answers.line, file=sys.stderr)
@@ -108,6 +115,29 @@ def _print(answers: Answers) -> None:
         print(note if note.startswith("WARNING") else f"assumed: {note}")
     if answers.contradiction:
         print(f"WARNING: {answers.contradiction}; the ellipse is widened")
+
+
+def _is_video(given: Sequence[Path]) -> bool:
+    from fwav_companion.tools.locate.videos import VIDEO_SUFFIXES
+
+    return len(given) == 1 and given[0].suffix.lower() in VIDEO_SUFFIXES
+
+
+def _frames(arguments: argparse.Namespace) -> tuple[list[Photograph], list[Click]]:
+    """The frames of a video at the times of --at, and the clicks in them."""
+    require("locate VIDEO", "cv2")
+    from fwav_companion.tools.locate.clicks import clicks_of, parse_pixel
+    from fwav_companion.tools.locate.videos import frame_name, parse_time, video_photographs
+
+    (video,) = arguments.pictures
+    if not video.is_file():
+        raise InputFileError(f"{video}: no such file; accepted: a video")
+    times = [parse_time(text) for text in arguments.at]
+    if not times or len(times) != len(arguments.pixel):
+        raise UserError("locate VIDEO: accepted: --at TIME --pixel U,V, as often as needed, in the same order")
+    names = [frame_name(video, time) for time in times]
+    clicks = clicks_of(names, [parse_pixel(text) for text in arguments.pixel], arguments.label)
+    return video_photographs(video, times, _camera_options(arguments)), clicks
 
 
 def _pictures(given: Sequence[Path]) -> list[Path]:
