@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Sequence
 
-    from fwav_companion.tools.locate.answers import Answers
-    from fwav_companion.tools.locate.clicks import Click
+    from fwav_companion.tools.locate.answers import PlaceAnswers
+    from fwav_companion.tools.locate.clicks import PictureClick
     from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
-    from fwav_companion.tools.locate.session import GroundOptions
+    from fwav_companion.tools.locate.session import LocateOptions
 
 EXIT_NO_PLACE = 1
 
@@ -43,9 +43,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add = parser.add_argument
     add("pictures", metavar="PICTURES|VIDEO", nargs="+", type=Path, help="pictures, folders of pictures, or a video")
     add("--pixel", metavar="U,V", action="append", default=[], help="of the thing, once a picture, in their order")
-    add(
-        "--at", metavar="TIME", action="append", default=[], help="time in a video, as 00:01:23.4; one for each --pixel"
-    )
+    add("--at", metavar="TIME", action="append", default=[], help="time in a video, as 00:01:23.4; one a --pixel")
     add("--pixels", metavar="FILE", type=Path, help="many: CSV with file, u, v, label, or gcp_list.txt")
     add("--label", metavar="NAME", default="target", help="name of the thing (default: target)")
     add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
@@ -104,7 +102,7 @@ def _located(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print(answers: Answers) -> None:
+def _print(answers: PlaceAnswers) -> None:
     from fwav_companion.tools.locate.answers import answer_lines, shared_line
 
     for answer in answers.targets:
@@ -123,7 +121,7 @@ def _is_video(given: Sequence[Path]) -> bool:
     return len(given) == 1 and given[0].suffix.lower() in VIDEO_SUFFIXES
 
 
-def _frames(arguments: argparse.Namespace) -> tuple[list[Photograph], list[Click]]:
+def _frames(arguments: argparse.Namespace) -> tuple[list[Photograph], list[PictureClick]]:
     """The frames of a video at the times of --at, and the clicks in them."""
     require("locate VIDEO", "cv2")
     from fwav_companion.tools.locate.clicks import clicks_of, parse_pixel
@@ -157,7 +155,7 @@ def _pictures(given: Sequence[Path]) -> list[Path]:
     return found
 
 
-def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[Click]:
+def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[PictureClick]:
     from fwav_companion.tools.locate.clicks import clicks_of, parse_clicks, parse_pixel
 
     if (arguments.pixels is None) == (not arguments.pixel):
@@ -186,10 +184,10 @@ def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
     )
 
 
-def _ground_options(arguments: argparse.Namespace) -> GroundOptions:
+def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
     from fwav_companion.photographs.picture_pose import AltDatum
     from fwav_companion.tools.locate.heights import VerticalOptions
-    from fwav_companion.tools.locate.session import GroundOptions
+    from fwav_companion.tools.locate.session import LocateOptions
 
     for name in ("ground_alt", "takeoff_alt"):
         value = getattr(arguments, name)
@@ -198,7 +196,7 @@ def _ground_options(arguments: argparse.Namespace) -> GroundOptions:
     if arguments.terrain and arguments.ground_alt is not None:
         raise UserError("locate: --terrain and --ground-alt; accepted: one of them")
     takeoff = None if arguments.takeoff is None else _numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
-    return GroundOptions(
+    return LocateOptions(
         terrain=tuple(arguments.terrain),
         takeoff=None if takeoff is None else (takeoff[0], takeoff[1]),
         vertical=VerticalOptions(

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.tools.locate.answers import Answer, Answers
-from fwav_companion.tools.locate.clicks import Click
+from fwav_companion.tools.locate.answers import PlaceAnswer, PlaceAnswers
+from fwav_companion.tools.locate.clicks import PictureClick
 from fwav_companion.tools.locate.heights import VerticalOptions
 from fwav_companion.tools.locate.photographs import CameraOptions, read_photographs
-from fwav_companion.tools.locate.session import GroundOptions, LocateSession
+from fwav_companion.tools.locate.session import LocateOptions, LocateSession
 from sitl_mock.maker_tags import LAYOUTS, TruePicture
 from tests.support.maker_pictures import (
     FORWARD_CAMERA,
@@ -35,17 +35,19 @@ BY_GROUND = ("parrot", "skydio", "teal", "sensefly", "wingtra")
 """Layouts without a height above the take-off."""
 
 
-def ask(path: Path, pixel: tuple[float, float], layout: str) -> Answer:
+def ask(path: Path, pixel: tuple[float, float], layout: str) -> PlaceAnswer:
     given = VerticalOptions(ground_alt_m=GROUND_M) if layout in BY_GROUND else VerticalOptions()
     if layout == "wingtra":  # the tags do not state the datum
         given = VerticalOptions(ground_alt_m=GROUND_M, alt_datum=AltDatum.ELLIPSOID)
     photographs = read_photographs([path], CameraOptions(), as_stated=True)
-    answers = LocateSession(photographs, GroundOptions(vertical=given)).located([Click(path.name, pixel, "t")], 1.0)
-    assert isinstance(answers, Answers), answers
+    answers = LocateSession(photographs, LocateOptions(vertical=given)).located(
+        [PictureClick(path.name, pixel, "t")], 1.0
+    )
+    assert isinstance(answers, PlaceAnswers), answers
     return answers.targets[0]
 
 
-def error_ned(answer: Answer, lat: float, lon: float, above_takeoff: float) -> np.ndarray:
+def error_ned(answer: PlaceAnswer, lat: float, lon: float, above_takeoff: float) -> np.ndarray:
     north, east, _ = pymap3d.geodetic2ned(answer.lat, answer.lon, GROUND_M, lat, lon, GROUND_M)
     height = answer.alt_takeoff if answer.alt_datum == "takeoff" else answer.alt_amsl - GROUND_M
     return np.array([north, east, above_takeoff - height])

@@ -15,7 +15,7 @@ from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
 from fwav_companion.tools.locate.shots import Estimate, Place, SharedError
-from fwav_companion.tools.locate.world import World
+from fwav_companion.tools.locate.world import PictureWorld
 
 SHARE: Final = 0.95
 SCALE_95: Final = sqrt(-2.0 * log(1.0 - SHARE))
@@ -45,7 +45,7 @@ class Sighted(msgspec.Struct, frozen=True, kw_only=True):
     """Distance of the click from it over its expected error."""
 
 
-class Answer(msgspec.Struct, frozen=True, kw_only=True):
+class PlaceAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """The place of one target."""
 
     label: str
@@ -78,19 +78,19 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     pictures: list[Sighted]
 
 
-class Answers(msgspec.Struct, frozen=True, kw_only=True):
+class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of one call."""
 
-    targets: list[Answer]
+    targets: list[PlaceAnswer]
     shared: list[dict[str, Any]]
     """Errors that all pictures share, as far as the sights show them."""
     assumed: list[str]
     contradiction: str = ""
 
 
-def answers_from(estimate: Estimate, world: World, geoid: Geoid, assumed: Sequence[str]) -> Answers:
+def answers_from(estimate: Estimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:
     """The answers in the order of the targets."""
-    return Answers(
+    return PlaceAnswers(
         targets=[_answer(place, world, geoid) for place in estimate.places],
         shared=[
             {
@@ -108,7 +108,7 @@ def answers_from(estimate: Estimate, world: World, geoid: Geoid, assumed: Sequen
     )
 
 
-def answer_lines(answer: Answer) -> list[str]:
+def answer_lines(answer: PlaceAnswer) -> list[str]:
     """The answer for people."""
     heights = []
     if answer.alt_amsl is not None:
@@ -141,7 +141,7 @@ def shared_line(shared: dict[str, Any]) -> str:
     )
 
 
-def _answer(place: Place, world: World, geoid: Geoid) -> Answer:
+def _answer(place: Place, world: PictureWorld, geoid: Geoid) -> PlaceAnswer:
     geodetic = world.plane.geodetic_from_ned(place.ned)
     lat, lon = geodetic.lat_deg, geodetic.lon_deg
     scale, height = world.scale, geodetic.alt_amsl_m
@@ -153,7 +153,7 @@ def _answer(place: Place, world: World, geoid: Geoid) -> Answer:
     grid = utm_from_degrees(lat, lon)
     dominant, share = place.budget.dominant()
     vertical = hypot(sqrt(place.cov[2][2]), scale.takeoff_sigma_m if on_takeoff and amsl is not None else 0.0)
-    return Answer(
+    return PlaceAnswer(
         label=place.label,
         lat=lat,
         lon=lon,

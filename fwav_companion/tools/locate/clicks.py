@@ -18,7 +18,7 @@ ACCEPTED: Final = "a CSV with the columns file, u, v and optionally label, or Op
 MOST_CLICKS: Final = 20_000
 
 
-class Click(msgspec.Struct, frozen=True):
+class PictureClick(msgspec.Struct, frozen=True):
     """One target's pixel in one picture, as viewers turn it."""
 
     file: str
@@ -39,7 +39,7 @@ def parse_pixel(text: str) -> Pixel:
     return (u, v)
 
 
-def parse_clicks(text: str, name: str) -> list[Click]:
+def parse_clicks(text: str, name: str) -> list[PictureClick]:
     """The clicks of a file. InputFileError names the line and what is accepted."""
     text = text.removeprefix("\ufeff")
     lines = text.splitlines()
@@ -53,14 +53,14 @@ def parse_clicks(text: str, name: str) -> list[Click]:
     return clicks
 
 
-def clicks_of(files: Sequence[str], pixels: Sequence[Pixel], label: str) -> list[Click]:
+def clicks_of(files: Sequence[str], pixels: Sequence[Pixel], label: str) -> list[PictureClick]:
     """`--pixel` repeated in the order of the pictures. InputFileError where their numbers differ."""
     if len(pixels) != len(files):
         raise InputFileError(f"{len(pixels)} --pixel for {len(files)} pictures; accepted: one for each, in their order")
-    return [Click(file, pixel, label) for file, pixel in zip(files, pixels, strict=True)]
+    return [PictureClick(file, pixel, label) for file, pixel in zip(files, pixels, strict=True)]
 
 
-def _csv_clicks(text: str, name: str) -> Iterator[Click]:
+def _csv_clicks(text: str, name: str) -> Iterator[PictureClick]:
     reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
     try:
         for row in reader:
@@ -70,7 +70,7 @@ def _csv_clicks(text: str, name: str) -> Iterator[Click]:
         raise InputFileError(f"{name}: line {reader.line_num}: {error}; accepted: {ACCEPTED}") from None
 
 
-def _ground_control(lines: Sequence[str], name: str) -> Iterator[Click]:
+def _ground_control(lines: Sequence[str], name: str) -> Iterator[PictureClick]:
     """X Y Z px py image [label]: a line of the coordinate system, then one line a sight; (px, py) from the corner.
 
     Lines without label share one where their coordinates are the same: it is one point.
@@ -84,10 +84,10 @@ def _ground_control(lines: Sequence[str], name: str) -> Iterator[Click]:
             raise InputFileError(f"{where}: {line.strip()[:60]!r}; accepted: X Y Z px py image [label], or {ACCEPTED}")
         label = parts[6] if len(parts) > 6 else labels.setdefault(tuple(parts[:3]), f"point {len(labels) + 1}")
         click = _click(parts[5], parts[3], parts[4], label, where)
-        yield Click(click.file, (click.pixel[0] - 0.5, click.pixel[1] - 0.5), label)
+        yield PictureClick(click.file, (click.pixel[0] - 0.5, click.pixel[1] - 0.5), label)
 
 
-def _click(file: str | None, u: str | None, v: str | None, label: str, where: str) -> Click:
+def _click(file: str | None, u: str | None, v: str | None, label: str, where: str) -> PictureClick:
     if not file or not file.strip():
         raise InputFileError(f"{where}: no file; accepted: {ACCEPTED}")
     try:
@@ -96,10 +96,10 @@ def _click(file: str | None, u: str | None, v: str | None, label: str, where: st
         pixel = (float("nan"), float("nan"))
     if not (isfinite(pixel[0]) and isfinite(pixel[1])):
         raise InputFileError(f"{where}: the pixel {u}, {v} is no number; accepted: {ACCEPTED}")
-    return Click(re.split(r"[/\\]", file.strip())[-1], pixel, label.strip() or "target")
+    return PictureClick(re.split(r"[/\\]", file.strip())[-1], pixel, label.strip() or "target")
 
 
-def require_inside(click: Click, viewed_size: tuple[int, int]) -> None:
+def require_inside(click: PictureClick, viewed_size: tuple[int, int]) -> None:
     """InputFileError where a pixel lies outside its picture."""
     width, height = viewed_size
     u, v = click.pixel

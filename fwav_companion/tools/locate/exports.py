@@ -1,4 +1,4 @@
-"""Answers as KML, GeoJSON or CSV, each with the datum of its altitudes. PURE."""
+"""PlaceAnswers as KML, GeoJSON or CSV, each with the datum of its altitudes. PURE."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import msgspec
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.tools.locate.answers import Answer, Answers, answer_lines
+from fwav_companion.tools.locate.answers import PlaceAnswer, PlaceAnswers, answer_lines
 
 COLUMNS = (
     "label", "lat", "lon", "alt_amsl", "alt_takeoff", "alt_hae", "alt_datum", "mgrs", "utm", "ellipse95_major_m",
@@ -19,7 +19,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def exported(answers: Answers, path: PurePath) -> bytes:
+def exported(answers: PlaceAnswers, path: PurePath) -> bytes:
     """The content of a file by its suffix. InputFileError names the accepted ones."""
     writers = {".kml": _kml, ".geojson": _geojson, ".json": _geojson, ".csv": _csv}
     writer = writers.get(path.suffix.lower())
@@ -28,7 +28,7 @@ def exported(answers: Answers, path: PurePath) -> bytes:
     return writer(answers)
 
 
-def _csv(answers: Answers) -> bytes:
+def _csv(answers: PlaceAnswers) -> bytes:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", extrasaction="ignore")
     writer.writeheader()
@@ -36,7 +36,7 @@ def _csv(answers: Answers) -> bytes:
     return text.getvalue().encode()
 
 
-def _geojson(answers: Answers) -> bytes:
+def _geojson(answers: PlaceAnswers) -> bytes:
     """RFC 7946: the third coordinate is the height above the ellipsoid, left out where it is not known."""
     features: list[dict[str, Any]] = []
     for answer in answers.targets:
@@ -54,7 +54,7 @@ def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, 
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _kml(answers: Answers) -> bytes:
+def _kml(answers: PlaceAnswers) -> bytes:
     """KML 2.2: altitudes above EGM96 as "absolute"; above the take-off as "relativeToGround"."""
     root = Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = SubElement(root, "Document")
@@ -77,7 +77,7 @@ def _kml(answers: Answers) -> bytes:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
-def _altitude(answer: Answer) -> tuple[str, float]:
+def _altitude(answer: PlaceAnswer) -> tuple[str, float]:
     if answer.alt_amsl is not None:
         return "absolute", answer.alt_amsl
     return "relativeToGround", answer.alt_takeoff or 0.0

@@ -15,13 +15,13 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.geoid import egm96
 from fwav_companion.localization import ElevationModel
 from fwav_companion.service.elevation_files import read_elevation
-from fwav_companion.tools.locate.answers import Answer, Answers, answers_from
-from fwav_companion.tools.locate.clicks import Click, by_file, require_inside
+from fwav_companion.tools.locate.answers import PlaceAnswer, PlaceAnswers, answers_from
+from fwav_companion.tools.locate.clicks import PictureClick, by_file, require_inside
 from fwav_companion.tools.locate.estimate import SightError, locate
 from fwav_companion.tools.locate.heights import VerticalOptions, vertical_scale
 from fwav_companion.tools.locate.photographs import Photograph
 from fwav_companion.tools.locate.shots import Sight
-from fwav_companion.tools.locate.world import Configured, PosedPicture, World, make_world
+from fwav_companion.tools.locate.world import Configured, PictureWorld, PosedPicture, make_world
 
 CLICK_SIGMA_PX = 2.0
 """One sigma of a click on the same point of a thing, each axis, pixels."""
@@ -35,7 +35,7 @@ REASONS = {
 }
 
 
-class GroundOptions(msgspec.Struct, frozen=True, kw_only=True):
+class LocateOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What the user says about ground and altitudes."""
 
     terrain: tuple[Path, ...] = ()
@@ -63,7 +63,7 @@ class NoAnswer(msgspec.Struct, frozen=True):
 class LocateSession:
     """Pictures with their ground: asks for the places of clicks."""
 
-    def __init__(self, photographs: Sequence[Photograph], options: GroundOptions) -> None:
+    def __init__(self, photographs: Sequence[Photograph], options: LocateOptions) -> None:
         """InputFileError where the pictures' altitudes do not fit the ground, with what to give."""
         self.photographs = tuple(photographs)
         self._index = by_file([photograph.path.name for photograph in photographs])
@@ -79,7 +79,7 @@ class LocateSession:
             PosedPicture(photograph.path.name, photograph.pose, photograph.lens, photograph.focal_sigma)
             for photograph in photographs
         ]
-        self.world: World = make_world(
+        self.world: PictureWorld = make_world(
             pictures,
             scale,
             geoid,
@@ -92,7 +92,7 @@ class LocateSession:
         notes += [note for photograph in photographs for note in photograph.notes]
         self.assumed = list(dict.fromkeys([*notes, *scale.notes]))
 
-    def located(self, clicks: Sequence[Click], sigma_px: float = CLICK_SIGMA_PX) -> Answers | NoAnswer:
+    def located(self, clicks: Sequence[PictureClick], sigma_px: float = CLICK_SIGMA_PX) -> PlaceAnswers | NoAnswer:
         """The places of all labels. InputFileError for a click in no picture, or outside of its picture."""
         sights = []
         for click in clicks:
@@ -112,7 +112,7 @@ class LocateSession:
         answers = answers_from(estimate, self.world, self._geoid, self.assumed)
         return msgspec.structs.replace(answers, targets=[self._viewed(answer) for answer in answers.targets])
 
-    def _viewed(self, answer: Answer) -> Answer:
+    def _viewed(self, answer: PlaceAnswer) -> PlaceAnswer:
         pictures = []
         for each in answer.pictures:
             if each.u is not None and each.v is not None:

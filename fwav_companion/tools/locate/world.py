@@ -30,7 +30,7 @@ class PosedPicture(msgspec.Struct, frozen=True):
     focal_sigma: float
 
 
-class World(msgspec.Struct, frozen=True):
+class PictureWorld(msgspec.Struct, frozen=True):
     """Cameras and ground about one origin."""
 
     plane: TangentPlane
@@ -58,7 +58,7 @@ def make_world(
     elevation: ElevationModel | None = None,
     terrain_datum: str = "egm96",
     configured: Configured | None = None,
-) -> World:
+) -> PictureWorld:
     """The cameras about the first picture's place; down is counted from the level of ``scale``."""
     configured = configured or Configured()
     first = pictures[0].pose
@@ -84,7 +84,7 @@ def make_world(
             sigma, poses, other_geoid=terrain_datum == AltDatum.ELLIPSOID or terrain_datum == "egm2008"
         )
         surface = TerrainSurface(elevation, plane, raised, sigma)
-    return World(plane, tuple(shots), tuple(shared), surface, scale)
+    return PictureWorld(plane, tuple(shots), tuple(shared), surface, scale)
 
 
 def _shot(picture: PosedPicture, plane: TangentPlane, height_m: float, own_height_m: float, group: int) -> Shot:
