@@ -10,6 +10,7 @@ import pytest
 from fwav_companion.cli.init import template
 from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
+from fwav_companion.config.estimation import GroundConfig
 from fwav_companion.fleet.options import FleetTable
 from fwav_companion.types import StandingTarget
 from fwav_companion.vision.task import VisionTask
@@ -37,7 +38,7 @@ def builtins_of(value: object) -> Any:
 def defaults() -> dict[str, object]:
     flat = flattened(builtins_of(Document()))
     tables = ("link", "landmark", "signing", "target", "vision", "fleet")
-    return {key: value for key, value in flat.items() if key not in tables}
+    return {key: value for key, value in flat.items() if key not in tables and value is not None}
 
 
 def comments_taken_off() -> str:
@@ -77,6 +78,7 @@ def test_what_is_commented_out_is_right_too():
     assert config.signing == SigningConfig()
     assert config.vision == VisionTask()
     assert config.fleet == FleetTable()
+    assert config.ground == GroundConfig(alt_amsl=412.0)
     last = config.link[-1]
     assert last == LinkConfig(name=last.name, url=last.url, role=last.role, max_rate_hz={"ATTITUDE": 4.0})
     shown = tomllib.loads(text)
