@@ -71,7 +71,7 @@ def _detected(arguments: argparse.Namespace) -> int:
     from fwav_companion.tools.detect.recorded_pictures import parse_start, recorded_pictures
 
     config = load(arguments.config)
-    detector = _detector(config)
+    detector = configured_detector(config)
     start = None if arguments.start is None else parse_start(arguments.start)
     if arguments.poses_out is not None or not _has_own_times(arguments.pictures):
         require("detect", "PIL")
@@ -121,7 +121,7 @@ def _has_own_times(path: Path) -> bool:
     return (folder_of(path) / STAMPS_FILE).is_file() or (path.is_file() and path.suffix.lower() not in SUFFIXES)
 
 
-def _detector(config: Config) -> Detector:
+def configured_detector(config: Config) -> Detector:
     """The configured detector. ConfigError where there is none, or where it cannot work."""
     from fwav_companion.service.service_factory import make_vision_task
     from fwav_companion.vision.detectors import make_detector

@@ -45,6 +45,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--pixel", metavar="U,V", action="append", default=[], help="of the thing, once a picture, in their order")
     add("--at", metavar="TIME", action="append", default=[], help="time in a video, as 00:01:23.4; one a --pixel")
     add("--pixels", metavar="FILE", type=Path, help="many: CSV with file, u, v, label, or gcp_list.txt")
+    add(
+        "--detect",
+        action="store_true",
+        help="the best detection of each label by the configured detector, in place of pixels",
+    )
+    add("--config", metavar="FILE", help="for --detect, and for [ground] terrain and [uncertainty] as written there")
     add("--label", metavar="NAME", default="target", help="name of the thing (default: target)")
     add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
     add("--hfov", metavar="DEG", type=float, help="horizontal field of view, where the tags have no lens")
@@ -72,6 +78,9 @@ def _located(arguments: argparse.Namespace) -> int:
 
     if _is_video(arguments.pictures):
         photographs, clicks = _frames(arguments)
+    elif arguments.detect:
+        photographs = read_photographs(_pictures(arguments.pictures), _camera_options(arguments))
+        clicks = _detections(arguments, photographs)
     else:
         paths = _pictures(arguments.pictures)
         clicks = _clicks(arguments, [path.name for path in paths])
@@ -165,6 +174,27 @@ def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[Picture
     return parse_clicks(_text(arguments.pixels), str(arguments.pixels))
 
 
+def _detections(arguments: argparse.Namespace, photographs: Sequence[Photograph]) -> list[PictureClick]:
+    """The best detection of each label in each picture. UserError where there is none at all."""
+    if arguments.config is None or arguments.pixel or arguments.pixels is not None:
+        raise UserError("locate --detect: accepted: with --config FILE, and without --pixel and --pixels")
+    require("locate --detect", "cv2")
+    from fwav_companion.cli.detect import configured_detector
+    from fwav_companion.cli.progress import steps
+    from fwav_companion.config import load
+    from fwav_companion.tools.locate.detections import detected_clicks
+
+    detector = configured_detector(load(arguments.config))
+    clicks: list[PictureClick] = []
+    with steps("detect", len(photographs)) as step:
+        for photograph in photographs:
+            clicks += detected_clicks(photograph, detector)
+            step()
+    if not clicks:
+        raise UserError("locate --detect: the detector finds nothing in these pictures; accepted: --pixel U,V")
+    return clicks
+
+
 def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
     from fwav_companion.camera import parse_calibration
     from fwav_companion.tools.locate.photographs import CameraOptions
@@ -188,6 +218,8 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
     from fwav_companion.photographs.picture_pose import AltDatum
     from fwav_companion.tools.locate.heights import VerticalOptions
     from fwav_companion.tools.locate.session import LocateOptions
+    from fwav_companion.tools.locate.stated_uncertainty import stated_uncertainty
+    from fwav_companion.tools.locate.world import Configured
 
     for name in ("ground_alt", "takeoff_alt"):
         value = getattr(arguments, name)
@@ -195,14 +227,27 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
             raise UserError(f"--{name.replace('_', '-')} {value:g}: accepted: -500 to 9000 metres above sea level")
     if arguments.terrain and arguments.ground_alt is not None:
         raise UserError("locate: --terrain and --ground-alt; accepted: one of them")
+    terrain, datum, ground_alt, configured = tuple(arguments.terrain), "egm96", arguments.ground_alt, Configured()
+    if arguments.config is not None:
+        from fwav_companion.config import load
+
+        config = load(arguments.config)
+        configured = stated_uncertainty(_text(Path(arguments.config)))
+        datum = config.ground.terrain_datum or datum
+        if config.ground.model == "terrain" and not terrain and ground_alt is None:
+            terrain = tuple(config.resolve(path) for path in config.ground.terrain)
+        if config.ground.model == "altitude" and not terrain and ground_alt is None:
+            ground_alt = config.ground.alt_amsl
     takeoff = None if arguments.takeoff is None else _numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
     return LocateOptions(
-        terrain=tuple(arguments.terrain),
+        terrain=terrain,
+        terrain_datum=datum,
+        configured=configured,
         takeoff=None if takeoff is None else (takeoff[0], takeoff[1]),
         vertical=VerticalOptions(
             alt_datum=None if arguments.alt_datum is None else AltDatum(arguments.alt_datum),
             takeoff_alt_m=arguments.takeoff_alt,
-            ground_alt_m=arguments.ground_alt,
+            ground_alt_m=ground_alt,
         ),
     )
 

@@ -151,3 +151,86 @@ def test_locate_pixels_of_ground_control_fuses_one_label(tmp_path: Path, capsys:
     lat, lon, _ = place_below(truth, 20.5 * 100 - 0.5, 15.5 * 100 - 0.5)
     error = pymap3d.geodetic2ned(targets[0]["lat"], targets[0]["lon"], 0, lat, lon, 0)
     assert np.hypot(error[0], error[1]) < 0.05
+
+
+def test_locate_detect_finds_the_tag_where_it_lies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from io import BytesIO
+
+    from PIL import Image
+
+    from sitl_mock.maker_tags import LAYOUTS, tagged_jpeg
+    from tests.vision.vision_pictures import tag_picture
+
+    truth = true_picture(np.random.default_rng(6), pitch=-70.0, width=640, height=480, focal_px=640 * 24 / 36)
+    jpeg = BytesIO()
+    Image.fromarray(tag_picture((300.0, 200.0), side_px=90.0)).save(jpeg, "JPEG", quality=95)
+    xmp, exif = LAYOUTS["dji_rtk"](truth)
+    (tmp_path / "a.jpg").write_bytes(tagged_jpeg(jpeg.getvalue(), xmp, exif, (640, 480)))
+    assert main(["init", str(tmp_path)]) == 0
+    config = tmp_path / "fwav-companion.toml"
+    config.write_text(config.read_text() + '[vision]\nsource = "pictures"\n')
+    assert main(["locate", str(tmp_path / "a.jpg"), "--detect", "--config", str(config), "--json"]) == 0
+    (target,) = last_json(capsys.readouterr().out)["targets"]
+    assert target["label"].startswith("tag36h11")
+    lat, lon, _ = place_below(truth, 300.0, 200.0)
+    error = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+    assert np.hypot(error[0], error[1]) < 0.2
+
+
+def test_locate_config_counts_what_it_states_and_not_its_defaults(picture, tmp_path: Path, capsys) -> None:
+    path, pixel, _ = picture
+    heading = {}
+    for stated in ("", "[uncertainty]\nheading_bias_deg = 8.0\n"):
+        config = tmp_path / "c.toml"
+        config.write_text(
+            '[[link]]\nname = "a"\nurl = "udpin://127.0.0.1:1"\nrole = "autopilot"\n[detections]\nurl = ""\n' + stated
+        )
+        assert main(["locate", str(path), "--pixel", pixel, "--config", str(config), "--json"]) == 0
+        heading[stated] = last_json(capsys.readouterr().out)["targets"][0]["budget_m"]["heading"]
+    first, second = heading.values()
+    assert second == pytest.approx(8.0 * first, rel=1e-3)  # RTK: 1 degree by source
+
+
+def test_locate_over_terrain_gives_the_hill(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A plane that rises to the east by 0.2: an RTK picture, whose height above the ellipsoid is converted."""
+    truth = true_picture(
+        np.random.default_rng(1),
+        lat=47.5,
+        lon=11.5,
+        yaw=90.0,
+        pitch=-45.0,
+        roll=0.0,
+        alt_amsl=700.0,
+        above_takeoff=90.0,
+    )
+    columns = np.arange(1201) / 1200.0
+    east_m = (columns - 0.5) * np.cos(np.radians(47.5)) * 111_320.0
+    heights = np.tile(np.clip(600.0 + 0.2 * east_m, -400, 8000), (1201, 1))
+    np.round(heights).astype(">i2").tofile(tmp_path / "N47E011.hgt")
+    path = write_picture(tmp_path / "a.jpg", "dji_rtk", truth)
+    arguments = ["locate", str(path), "--pixel", "19.5,14.5", "--terrain", str(tmp_path / "N47E011.hgt"), "--json"]
+    assert main(arguments) == 0
+    (target,) = last_json(capsys.readouterr().out)["targets"]
+    # 100 m above the ground below, looking 45 degrees down to the east: e = 100 - 0.2 e
+    _, east, _ = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, 47.5, 11.5, 0)
+    assert east == pytest.approx(100.0 / 1.2, abs=1.5)  # whole metres of the model
+    assert target["alt_amsl"] == pytest.approx(600.0 + 0.2 * 100.0 / 1.2, abs=1.0)
+
+
+def test_locate_consumer_over_terrain_warns_without_a_take_off(tmp_path: Path, capsys) -> None:
+    truth = true_picture(np.random.default_rng(1), lat=47.5, lon=11.5, pitch=-60.0, alt_amsl=700.0, above_takeoff=100.0)
+    np.full((1201, 1201), 600, dtype=">i2").tofile(tmp_path / "N47E011.hgt")
+    path = write_picture(tmp_path / "a.jpg", "dji_consumer", truth)  # its absolute altitude is 41 m too low
+    base = ["locate", str(path), "--pixel", "19.5,14.5", "--terrain", str(tmp_path / "N47E011.hgt")]
+    assert main([*base, "--json"]) == 0
+    out = capsys.readouterr().out
+    assert "WARNING: the absolute altitude counts with 30 m" in out
+    wide = last_json(out)["targets"][0]
+    assert main([*base, "--takeoff", "47.5,11.5", "--json"]) == 0
+    out = capsys.readouterr().out
+    assert "-41 m from take-off plus relative height" in out
+    lat, lon, _ = place_below(truth, 1999.5, 1499.5)
+    target = last_json(out)["targets"][0]
+    error = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+    assert np.hypot(error[0], error[1]) < 0.1
+    assert target["ellipse95_major_m"] < 0.7 * wide["ellipse95_major_m"]

@@ -1,0 +1,14 @@
+"""The sigmas that a configuration file writes down; its defaults are those of a vehicle and do not count. PURE."""
+
+from __future__ import annotations
+
+import tomllib
+
+from fwav_companion.tools.locate.world import Configured
+
+
+def stated_uncertainty(text: str) -> Configured:
+    """The numbers of [uncertainty] in a configuration that was found valid; "auto" is by the pictures' source."""
+    table = tomllib.loads(text).get("uncertainty", {})
+    known = {name: table[name] for name in Configured.__struct_fields__ if isinstance(table.get(name), int | float)}
+    return Configured(**known)
