@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import BinaryIO
 
 import msgspec
 
@@ -28,12 +29,13 @@ def read_tags(path: Path) -> PictureTags:
     try:
         with opened(path) as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's about sizes and broken tags: the answer is one line or none
-            head = file.read(MOST_XMP)
-            file.seek(0)
             with Image.open(file) as image:
                 size = image.size
                 exif = image.getexif()
+                packet = image.info.get("xmp")
                 main, own, gps = dict(exif), dict(exif.get_ifd(EXIF_IFD)), dict(exif.get_ifd(GPS_IFD))
+            if not isinstance(packet, bytes):
+                packet = _searched(file)
     except OSError as error:
         reason = error.strerror or "not a picture"
         raise InputFileError(f"{path}: {reason}; accepted: a JPEG, PNG or TIFF picture") from None
@@ -41,9 +43,15 @@ def read_tags(path: Path) -> PictureTags:
         raise InputFileError(f"{path}: a broken picture; accepted: a JPEG, PNG or TIFF picture") from None
     if size[0] * size[1] > LARGEST_PICTURE:
         raise InputFileError(f"{path}: {size[0]} x {size[1]} pixels; accepted: at most {LARGEST_PICTURE // 10**6} Mpx")
-    begin = head.find(XMP_BEGIN)
-    packet = head[begin : head.find(XMP_END, begin) + len(XMP_END)] if begin >= 0 else b""
     return PictureTags(size=size, xmp=xmp_values(packet.decode("utf-8", "replace")), exif={**main, **own}, gps=gps)
+
+
+def _searched(file: BinaryIO) -> bytes:
+    """The XMP packet at the start of a file, wherever its maker put it; empty where there is none."""
+    file.seek(0)
+    head = file.read(MOST_XMP)
+    begin = head.find(XMP_BEGIN)
+    return head[begin : head.find(XMP_END, begin) + len(XMP_END)] if begin >= 0 else b""
 
 
 def with_stated_size(tags: PictureTags) -> PictureTags:

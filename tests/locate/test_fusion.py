@@ -104,6 +104,8 @@ def test_heading_error_of_a_flight_is_found_from_two_sides() -> None:
     (found,) = [each for each in estimate.shared if each.error is SharedError.HEADING]
     assert found.value == pytest.approx(heading, abs=3.0 * found.sigma)
     assert np.linalg.norm(estimate.places[0].ned[:2]) < 1.0
+    for sight, shown in zip(sights, estimate.places[0].residuals, strict=True):
+        assert shown.pixel == pytest.approx(sight.pixel, abs=40.0)  # the heading alone moves it by 240 px
 
 
 def test_wrong_click_among_pictures_is_named() -> None:

@@ -4,14 +4,6 @@ Nonlinear least squares (Triggs et al. 2000) over the positions of the targets a
 priors. A picture's own errors are eliminated: they are part of the covariance of its sights. One sight of one target on
 the ground is the smallest case: its answer is the intersection of ray and ground.
 
-A sight is compared as a direction: with m the measured unit ray, d the predicted one, T (2, 3) two unit vectors across
-m, the residual is e = T d. With X the target, c the camera, R ned_from_camera, p = R^T (X - c), for errors that are
-estimate minus truth::
-
-    d e / d X       =  T R^T / |p|          d e / d position =  T R^T / |p|
-    d e / d mount   = -T [d]x               d e / d heading  =  T R^T (z x (X - c)) / |p|
-    d e / d focal   = -T (dm/du (u - u0) + dm/dv (v - v0))
-
 The ground is one more measurement of each target: its height above the surface is 0 within the surface's sigma.
 """
 
@@ -19,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import hypot, sqrt
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tools.locate.shots import (
@@ -37,10 +28,10 @@ from fwav_companion.tools.locate.shots import (
     Shot,
     Sight,
 )
+from fwav_companion.tools.locate.sight_rows import Array, Rows, SightCamera
 from fwav_companion.tools.locate.surfaces import Surface
 from fwav_companion.types import NoRay, Ray
 
-Array: TypeAlias = NDArray[np.float64]
 MOST_STEPS: Final = 25
 NEAR_ENOUGH_M: Final = 1e-5
 LEAST_TILT_SIGMAS: Final = 3.0
@@ -58,26 +49,6 @@ class SightError(msgspec.Struct, frozen=True):
     sight: Sight
     reason: str
     """outside_lens, above_horizon, near_horizon, too_low, beyond_terrain or no_terrain."""
-
-
-class _Camera:
-    """A picture's sights with what does not change between the steps."""
-
-    def __init__(self, shot: Shot, sights: Sequence[Sight], rays: Sequence[Ray], targets: Sequence[int]) -> None:
-        self.shot, self.sights, self.targets = shot, sights, targets
-        self.centre: Array = np.array(shot.camera_ned)
-        self.rotation: Array = np.array(shot.ned_from_camera)  # (3, 3)
-        self.across, self.noise, self.by_focal = [], [], []
-        axis = shot.lens.pixel_from_camera_point((0.0, 0.0, 1.0))
-        u0, v0 = (0.0, 0.0) if isinstance(axis, NoRay) else axis
-        for sight, ray in zip(sights, rays, strict=True):
-            across = _across(ray.direction)  # T, (2, 3)
-            by_pixel = across @ np.array([ray.d_du, ray.d_dv]).T  # (2, 2)
-            self.across.append(across)
-            self.noise.append(by_pixel @ by_pixel.T * sight.sigma_px**2)
-            self.by_focal.append(by_pixel @ np.array([sight.pixel[0] - u0, sight.pixel[1] - v0]))
-        own = shot.own_position_m, shot.own_position_m, shot.own_height_m, *(shot.own_attitude,) * 3
-        self.own: Array = np.square(np.array(own))  # (6,)
 
 
 def locate(
@@ -143,6 +114,7 @@ class _Problem:
         self.prior: Array = np.square(np.array(shared_sigmas, dtype=float)).ravel()  # (8 groups,)
         self.shared = len(self.prior)
         self.size = self.shared + 3 * len(labels)
+        self.places = [self._target(index) for index in range(len(labels))]
         by_shot: dict[int, list[Sight]] = {}
         for sight in sights:
             by_shot.setdefault(sight.shot, []).append(sight)
@@ -150,7 +122,7 @@ class _Problem:
         for index, seen in by_shot.items():
             rays = [shots[index].lens.camera_ray_and_derivatives_from_pixel(*sight.pixel) for sight in seen]
             good = [ray for ray in rays if isinstance(ray, Ray)]
-            self.cameras.append(_Camera(shots[index], seen, good, [labels.index(sight.label) for sight in seen]))
+            self.cameras.append(SightCamera(shots[index], seen, good, [labels.index(sight.label) for sight in seen]))
         self.state: Array = np.zeros(self.size)
         self.cov: Array = np.zeros((self.size, self.size))
         self.cost = 0.0
@@ -180,7 +152,7 @@ class _Problem:
         right[: self.shared] = -diagonal * self.state[: self.shared]
         cost += float(np.sum(diagonal * self.state[: self.shared] ** 2))
         for camera in self.cameras:
-            e, jacobian, covariance, _ = self._rows(camera)
+            e, jacobian, covariance, _ = camera.rows(self.state, self.places)
             weight = np.linalg.inv(covariance)
             normal += jacobian.T @ weight @ jacobian
             right -= jacobian.T @ weight @ e
@@ -213,36 +185,11 @@ class _Problem:
         down = float(self.state[self._target(index)][2])
         return min(down - float(c.centre[2]) for c in self.cameras if index in c.targets)
 
-    def _rows(self, camera: _Camera) -> tuple[Array, Array, Array, Array]:
-        """Of k sights: residuals (2 k,), Jacobian (2 k, n), covariance (2 k, 2 k), by own errors (2 k, 6)."""
-        k, first = len(camera.sights), camera.shot.group * SHARED_COUNT
-        s = self.state[first : first + SHARED_COUNT]
-        centre = camera.centre - np.array([s[0], s[1], -s[2]])
-        rotation = _turned(s[6]).T @ camera.rotation @ _exp(s[3:6]).T  # truth = estimate less its errors
-        e, jacobian, by_own = np.zeros(2 * k), np.zeros((2 * k, self.size)), np.zeros((2 * k, 6))
-        covariance = np.zeros((2 * k, 2 * k))
-        for i, (across, noise, by_focal) in enumerate(zip(camera.across, camera.noise, camera.by_focal, strict=True)):
-            rows, apart = slice(2 * i, 2 * i + 2), self.state[self._target(camera.targets[i])] - centre
-            p = rotation.T @ apart
-            distance = float(np.linalg.norm(p))
-            direction = p / distance
-            by_place = across @ rotation.T / distance  # (2, 3)
-            by_turn = -across @ _cross(direction)  # (2, 3)
-            e[rows] = across @ direction - by_focal * s[7]
-            jacobian[rows, self._target(camera.targets[i])] = by_place
-            jacobian[rows, first : first + 3] = by_place * np.array([1.0, 1.0, -1.0])
-            jacobian[rows, first + 3 : first + 6] = by_turn
-            jacobian[rows, first + 6] = by_place @ np.array([-apart[1], apart[0], 0.0])
-            jacobian[rows, first + 7] = -by_focal
-            by_own[rows, :3], by_own[rows, 3:] = by_place * np.array([1.0, 1.0, -1.0]), by_turn
-            covariance[rows, rows] = noise
-        return e, jacobian, covariance + by_own * camera.own @ by_own.T, by_own
-
     def result(self) -> Estimate:
         """The places, with the contradiction and its factor on all sigmas."""
         freedom = 2 * len(self.sights) - 2 * len(self.labels)
         scaled, contradiction = 1.0, ""
-        rows = {id(camera): self._rows(camera) for camera in self.cameras}
+        rows = {id(camera): camera.rows(self.state, self.places) for camera in self.cameras}
         if freedom > 0 and self.cost > _chi_square_quantile(freedom, CONTRADICTION_SIGMAS):
             scaled = sqrt(self.cost / freedom)
             worst = max(self.cameras, key=lambda c: _square(rows[id(c)]) / len(c.sights))
@@ -253,7 +200,7 @@ class _Problem:
         places = tuple(self._place(index, rows, scaled) for index in range(len(self.labels)))
         return Estimate(places, self._shared_estimates(), contradiction, scaled)
 
-    def _place(self, index: int, rows: Mapping[int, tuple[Array, Array, Array, Array]], scaled: float) -> Place:
+    def _place(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Place:
         at = self._target(index)
         north, east, down = (float(x) for x in self.state[at])
         cov = self.cov[at, at] * scaled**2
@@ -274,12 +221,13 @@ class _Problem:
             self._height(index),
         )
 
-    def _pixel(self, camera: _Camera, index: int) -> tuple[float, float] | None:
-        p = camera.rotation.T @ (self.state[self._target(index)] - camera.centre)
+    def _pixel(self, camera: SightCamera, index: int) -> tuple[float, float] | None:
+        centre, rotation = camera.corrected(self.state)
+        p = rotation.T @ (self.state[self._target(index)] - centre)
         pixel = camera.shot.lens.pixel_from_camera_point((float(p[0]), float(p[1]), float(p[2])))
         return None if isinstance(pixel, NoRay) else pixel
 
-    def _budget(self, index: int, rows: Mapping[int, tuple[Array, Array, Array, Array]], scaled: float) -> Budget:
+    def _budget(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Budget:
         """Each cause's part of the covariance: gain times the cause's covariance times the gain."""
         first = self.shared + 3 * index
         gain_rows = self.cov[first : first + 2]  # (2, n)
@@ -316,37 +264,9 @@ class _Problem:
         return tuple(found)
 
 
-def _square(rows: tuple[Array, ...]) -> float:
+def _square(rows: Rows) -> float:
     e, _, covariance, _ = rows
     return float(e @ np.linalg.inv(covariance) @ e)
-
-
-def _across(direction: Vector3) -> Array:
-    """Two unit vectors across a unit vector, (2, 3)."""
-    d = np.array(direction)
-    least = np.eye(3)[int(np.argmin(np.abs(d)))]
-    first = np.cross(d, least)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(d, first)])
-
-
-def _cross(v: Array) -> Array:
-    """[v]x, so that [v]x w = v x w."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def _exp(v: Array) -> Array:
-    """The rotation matrix of a rotation vector (Rodrigues)."""
-    angle = float(np.linalg.norm(v))
-    if angle < 1e-12:
-        return np.asarray(np.eye(3) + _cross(v))
-    k = _cross(v / angle)
-    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k)
-
-
-def _turned(heading: float) -> Array:
-    return _exp(np.array([0.0, 0.0, heading]))
 
 
 def _matrix(m: Any) -> Matrix3:
