@@ -71,7 +71,7 @@ def pose_at(
         else Altitude(absolute, AltDatum.EGM96, UNRELIABLE, "the datum of the video's altitude is not stated"),
         above_takeoff=None if above is None else Altitude(above, AltDatum.TAKEOFF, BAROMETER),
         sigmas=sigmas,
-        layout="DJI .SRT",
+        layout="video telemetry",
         notes=(f"telemetry's time within {time_sigma_s:g} s",),
     )
 

@@ -14,6 +14,7 @@ import pytest
 
 from fwav_companion.cli.main import main
 from fwav_companion.errors import InputFileError
+from fwav_companion.photographs.airdata import parse_airdata
 from fwav_companion.photographs.srt import parse_srt
 from tests.support.maker_pictures import place_below, true_picture
 
@@ -93,7 +94,7 @@ def test_locate_video_between_subtitles_gives_the_place(video, capsys: pytest.Ca
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda path: path.with_suffix(".SRT").unlink(), "no DJI_0001.SRT beside it"),
+        (lambda path: path.with_suffix(".SRT").unlink(), "no DJI_0001.SRT or .csv"),
         (lambda path: path.write_bytes(b"no video"), "not a video"),
         (lambda path: _edit(path, "00:00:03,000", "00:00:09,000"), "another video's"),
         (lambda path: _edit(path, "gb_", "xx_"), "--angles"),
@@ -112,3 +113,38 @@ def test_locate_video_with_something_missing_is_one_line(video, change, said: st
 def _edit(path: Path, old: str, new: str) -> None:
     srt = path.with_suffix(".SRT")
     srt.write_text(srt.read_text().replace(old, new))
+
+
+AIRDATA = (
+    "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),altitude_above_seaLevel(feet),"
+    "compass_heading(degrees),gimbal_heading(degrees),gimbal_pitch(degrees),gimbal_roll(degrees),isPhoto,isVideo\n"
+)
+
+
+def test_airdata_rows_count_from_the_video_in_metres() -> None:
+    lines = "".join(
+        f"{1000 + 100 * i},2026-05-01 10:00:00,47.5,11.{i},100.0,2000.0,1,33,-50,0.5,0,{int(i >= 2)}\n"
+        for i in range(5)
+    )
+    rows = parse_airdata(AIRDATA + lines, "a.csv")
+    assert [row.at_s for row in rows] == pytest.approx([0.0, 0.1, 0.2])
+    assert rows[0].above_takeoff_m == pytest.approx(30.48)
+    assert rows[0].absolute_m == pytest.approx(609.6)
+    assert (rows[0].lon_deg, rows[0].angles_deg) == (11.2, (0.5, -50.0, 33.0))
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", AIRDATA, AIRDATA + "1,x,47,11,1,1,1,1,1,1,0,0\n"])
+def test_airdata_without_one_video_is_one_line(text: str) -> None:
+    with pytest.raises(InputFileError, match="accepted"):
+        parse_airdata(text, "a.csv")
+
+
+def test_airdata_that_is_mutated_gives_rows_or_one_line() -> None:
+    rng = random.Random(3)
+    good = AIRDATA + "".join(f"{i},x,47,11.{i},1,1,1,1,1,1,0,{int(i > 0)}\n" for i in range(6))
+    for _ in range(200):
+        text = list(good)
+        for _ in range(rng.randint(1, 20)):
+            text[rng.randrange(len(text))] = rng.choice([",", '"', "\n", "\0", "nan", "", "(", "1e999"])
+        with suppress(InputFileError):
+            assert parse_airdata("".join(text), "a.csv")

@@ -11,6 +11,7 @@ from typing import Any
 from fwav_companion.camera import BrownConrady
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
+from fwav_companion.photographs.airdata import parse_airdata
 from fwav_companion.photographs.picture_pose import NoPose
 from fwav_companion.photographs.srt import SubtitleRow, parse_srt
 from fwav_companion.photographs.video_poses import pose_at
@@ -63,13 +64,16 @@ def _size_and_length(path: Path) -> tuple[tuple[int, int], float]:
 
 
 def _telemetry(path: Path, length_s: float) -> list[SubtitleRow]:
-    """The rows of the .SRT beside the video."""
-    beside = [each for each in (path.with_suffix(".SRT"), path.with_suffix(".srt")) if each.is_file()]
+    """The rows of the .SRT, or of Airdata's .csv, beside the video."""
+    suffixes = (".SRT", ".srt", ".csv", ".CSV")
+    beside = [each for suffix in suffixes if (each := path.with_suffix(suffix)).is_file()]
     if not beside:
         raise InputFileError(
-            f"{path}: no {path.stem}.SRT beside it; embedded tracks are not read: exiftool -ee gives DJI's as text"
+            f"{path}: no {path.stem}.SRT or .csv of Airdata beside it; embedded tracks are not read: "
+            "exiftool -ee gives DJI's as text"
         )
-    rows = parse_srt(content(beside[0]).decode("utf-8", "replace"), str(beside[0]))
+    parse = parse_srt if beside[0].suffix.lower() == ".srt" else parse_airdata
+    rows = parse(content(beside[0]).decode("utf-8", "replace"), str(beside[0]))
     if length_s > 0.0 and abs(rows[-1].until_s - length_s) > OTHER_VIDEO_S:
         raise InputFileError(
             f"{beside[0]}: it ends at {rows[-1].until_s:.1f} s, the video at {length_s:.1f} s: another video's"
