@@ -7,7 +7,6 @@ the rising edge of isVideo.
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Mapping
 from typing import Final
 
@@ -24,7 +23,7 @@ ACCEPTED: Final = f"a CSV of Airdata with {TIME}, {LAT}, {LON} and {VIDEO}"
 
 def parse_airdata(text: str, name: str) -> list[SubtitleRow]:
     """The rows while the video runs, by its own time. InputFileError where there is none, or more than one video."""
-    reader = csv.DictReader(io.StringIO(text.removeprefix("\ufeff"), newline=""), skipinitialspace=True)
+    reader = csv.DictReader(text.removeprefix("\ufeff").splitlines(keepends=True), skipinitialspace=True)
     try:
         columns = [column.strip() for column in reader.fieldnames or ()]
         reader.fieldnames = columns
