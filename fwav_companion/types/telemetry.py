@@ -60,7 +60,13 @@ class ClockExchange(msgspec.Struct, frozen=True, gc=False):
     sent_ns: HostNs
     received_ns: HostNs
     autopilot_ns: BootNs
-    """Clock of the responder, between the two host instants."""
+    """Clock of the responder, between the two host instants; ArduPilot dates it back by what it has not read."""
+    link: str = ""
+    """Name of the link of request and answer; "" in a recording."""
+    request_ns: int = 0
+    """Time of the request's bytes on a serial line, for an autopilot that stamps their beginning; else 0."""
+    beside_ns: int = 0
+    """Time of the relayed bytes that travelled with the request: its reception may be dated back by them."""
 
 
 class ClockStatus(StrEnum):
@@ -91,6 +97,10 @@ class ClockEstimate(msgspec.Struct, frozen=True):
     plus the largest rate error that round trips allow."""
     round_trip_s: float | None
     status: ClockStatus
+    asymmetry_s: float = 0.0
+    """Part of :attr:`sigma_s` that no response reduces: half of the least round trip, or the least delay."""
+    rate_differs: bool = False
+    """Whether the rate differs from 1 beyond three sigmas and 200 ppm."""
 
     @property
     def rate(self) -> float:

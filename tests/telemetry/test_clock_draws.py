@@ -1,0 +1,59 @@
+"""The clock over drawn sequences of exchanges and arrivals of each kind: the bounds of the service's time."""
+
+import pytest
+from clock_draws import KINDS, Row, tabulated
+
+FEW, MANY = 2, 100
+ONE_WAY = [name for name in KINDS if name.startswith("g")]
+TWO_WAY = [name for name in KINDS if name not in ONE_WAY]
+DEFAULT = [
+    "a serial 115200",
+    "b first 2 off",
+    "c 10 % late one way",
+    "e slow-down to 0.8",
+    "e pause of 0.3 s",
+    "f reboot",
+]
+
+
+def assert_bounds(row: Row) -> None:
+    assert row.start_s <= 1.0
+    if row.name == "e rate 0.5 to 1.5" or "slow-down" in row.name:
+        assert (
+            row.healed_s <= 2.4
+        )  # a second after three exchanges of the new rate, of which the first come one a second
+    else:
+        assert row.healed_s <= 0.5
+    assert row.outside_share <= 0.01
+    if row.name[0] in "abc":
+        assert row.bare_share <= 3.0
+
+
+@pytest.mark.parametrize("name", DEFAULT)
+def test_clock_of_few_draws_holds_its_bounds(name):
+    row, _ = tabulated(name, FEW)
+    assert_bounds(row)
+    assert row.beyond_ms <= 0.8
+
+
+@pytest.mark.parametrize("name", ["g one-way 4 Hz serial", "g one-way 10 Hz UDP"])
+def test_one_way_clock_of_few_draws_holds_its_bounds(name):
+    row, _ = tabulated(name, FEW)
+    assert_bounds(row)
+    assert row.beyond_ms <= 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TWO_WAY)
+def test_clock_of_many_draws_holds_its_bounds(name):
+    row, flights = tabulated(name, 25)
+    assert_bounds(row)
+    assert row.beyond_ms <= 0.8
+    if name[0] in "abcd":
+        assert not [news for flown in flights for news in flown.news]
+
+
+def test_the_published_filter_stays_wrong_after_a_bad_first_exchange():
+    """What this clock is compared with: tens of milliseconds for most of a minute."""
+    row, _ = tabulated("b first 1 off", FEW)
+    assert row.published_ms > 10.0 * row.steady_ms
