@@ -1,4 +1,4 @@
-"""Estimates the autopilot's clock in terms of the host's. Built beside ``telemetry.clock``: no flight uses it yet. Pure.
+"""The autopilot's clock in terms of the host's. Built beside ``telemetry.clock``: no flight uses it yet. Pure.
 
 ``clock`` answers, with one estimate a link (``link_clock``): a robust
 line through the TIMESYNC exchanges that agree (``exchange_clock``, ``exchange_fit``), which each message's arrival

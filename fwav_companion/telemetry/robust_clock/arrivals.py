@@ -1,4 +1,4 @@
-"""LinkClocks estimate without TIMESYNC: a message never arrives before its stamp, and some arrive hardly later.
+"""Clock estimate without TIMESYNC: a message never arrives before its stamp, and some arrive hardly later.
 
 The least delay of the last seconds is the offset, the convex hull of a minute the skew (Zhang, Liu & Xia 2002): a hull
 of ten seconds means nothing within 100 ppm, a minimum of a minute contains the skew.

@@ -18,7 +18,7 @@ UNKNOWN = Unpaired(Reason.NO_CLOCK)
 
 
 class LinkClocks:
-    """LinkClocks estimate of the autopilot over each of its links; the one of least sigma is used."""
+    """Clock estimate of the autopilot over each of its links; the one of least sigma is used."""
 
     __slots__ = ("_links", "_rate", "_reports", "_used")
 
@@ -84,7 +84,7 @@ class LinkClocks:
         return 1.0 if line is None or not is_notable(line) else 1.0 - line.skew
 
     def estimate(self, now: HostNs) -> ClockEstimate:
-        """LinkClocks estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
+        """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
         used = self._used
         line = used.line_at(now)
         if line is None:

@@ -55,7 +55,7 @@ LEAST_APART_S = 0.08
 
 
 class ExchangeClock:
-    """LinkClocks estimate of one link from its exchanges; :attr:`line` is None until three of them agree."""
+    """Clock estimate of one link from its exchanges; :attr:`line` is None until three of them agree."""
 
     __slots__ = (
         "_fit",
