@@ -1,0 +1,34 @@
+"""One estimate of a vehicle's errors and of its targets: a bounded smoother with a live filter between its solves.
+
+Signs: every error is *reported minus true* (`errors`). Times are seconds from an epoch that the caller chooses, one for
+all streams. World: north, east and height (up) in metres about the origin. A ray is a unit direction in the axes of the
+carrier (the body; with a gimbal its camera), as the configuration's mount says.
+
+Input, in order of time:
+
+    estimator = Estimator(priors, noise)
+    estimator.add_attitude(t, quaternion)                 # (4,) w x y z, ned_from_carrier, as stamped
+    estimator.add_position(t, position, velocity)         # (3,) north, east, height; (3,) m/s; reset=True at a jump
+    frame = Frame(number, instants, rays, tangents)       # D detections; `tangents` standardise: noise of one each axis
+
+Each frame:
+
+    prediction = estimator.predict(frame)                 # None before the first solve
+    prediction.targets, .residual, .covariance, .distance # every detection against every target in view
+    prediction.joint_distance(pairs)                      # one surprise of a whole hypothesis (pairs of detection, target)
+    estimator.update(frame, targets)                      # one target number for each detection, -1: no target
+    found = cluster(estimator, frames)                    # initiation of targets from detections without a target
+
+A solve is a pure function of what was kept at its instant:
+
+    if estimator.is_solve_due(now):
+        task = estimator.start_solve(now)                 # a copy: the estimator may go on
+        solution = task.run()                             # in line, or in a thread; `task.slices()` in bounded pieces
+        estimator.adopt(solution)                         # at a fixed later instant; frames between are replayed
+
+Output:
+
+    estimator.answer(target, t) -> Answer                 # place, relative place, their covariances, velocity
+    estimator.self_calibration() -> tuple[ParameterStatus, ...]   # calibrated | waiting | contradicts, with sigmas
+    estimator.stored() / with_stored(priors, stored)      # the vehicle's own parameters for the next flight
+"""
