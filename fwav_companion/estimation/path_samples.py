@@ -1,0 +1,130 @@
+"""The smoothed path at any instant, and the carrier's poses for the measurement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fwav_companion.estimation.array_rotations import matrices
+from fwav_companion.estimation.attitudes import Attitudes
+from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.measurement import Poses
+from fwav_companion.estimation.sample_buffer import SampleBuffer
+
+
+class PathBreak(NamedTuple):
+    """The reported position stepped between two samples: a new origin, a reset of the autopilot's filter."""
+
+    before: float  # s
+    after: float  # s
+    step_m: float
+
+
+class PathNoise(NamedTuple):
+    """Standard deviation and correlation time of the smoothed path's own error."""
+
+    level: tuple[float, float]  # m, s
+    up: tuple[float, float]  # m, s
+
+
+@dataclass
+class PathSamples:
+    """Smoothed north, east, height; velocities; calm velocities: nine rows, one column a sample."""
+
+    buffer: SampleBuffer
+    breaks: list[PathBreak]
+    noise: PathNoise
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest sample, s."""
+        return float(self.buffer.times[-1])
+
+    def copy(self) -> PathSamples:
+        """A snapshot that later samples do not change."""
+        return PathSamples(self.buffer.copy(), list(self.breaks), self.noise)
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
+
+        Beyond the ends the cubic goes on for one gap between samples at most.
+        """
+        times, values = self.buffer.times, self.buffer.values
+        i = (times.searchsorted(t) - 1).clip(0, len(times) - 2)
+        a, b, h = values.take(i, 1), values.take(i + 1, 1), times[i + 1] - times[i]
+        s = (t - times[i]) / h
+        inside = s.clip(-1.0, 2.0)
+        p0, p1, v0, v1 = _hermite(inside, h)
+        velocities = a[3:] + s.clip(0.0, 1.0) * (b[3:] - a[3:])
+        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6]
+        return position, velocities[:3], velocities[3:]
+
+
+def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
+    """Weights of the two positions and the two velocities at the part s of a gap h."""
+    s2 = s * s
+    later = s2 * (3.0 - 2.0 * s)
+    return 1.0 - later, later, s * (1.0 - s) ** 2 * h, s2 * (s - 1.0) * h
+
+
+class Carrier:
+    """Poses of the camera's carrier by its reported attitudes and positions."""
+
+    def __init__(self, attitudes: Attitudes, path: PathSamples, gimbal: Attitudes | None = None) -> None:
+        """gimbal: the camera's own attitudes, where a gimbal turns it; they replace the body's."""
+        self.attitudes, self.path = gimbal or attitudes, path
+        self._motion_share = np.zeros((3, 1))
+
+    def copy(self) -> Carrier:
+        """A snapshot that later samples do not change."""
+        other = Carrier(self.attitudes.copy(), self.path.copy())
+        other._motion_share = self._motion_share
+        return other
+
+    @property
+    def ready(self) -> bool:
+        """Whether poses can be interpolated."""
+        return len(self.path.buffer) > 3 and self.attitudes.ready
+
+    @property
+    def newest(self) -> float:
+        """Instant up to which both streams have samples, s."""
+        return min(self.path.newest, self.attitudes.newest)
+
+    def rates(self, t: Array) -> Array:
+        """Rates (3, N) for derivatives at many instants (N,): the slow ones, and of the fast ones what is motion."""
+        fast, slow = self.attitudes.fast_and_slow_rates(t)
+        self._motion_share = self.attitudes.motion_share(t, fast, slow)
+        return np.asarray(slow + self._motion_share * (fast - slow))
+
+    def poses(self, t: Array, rates: Array, attitude_shift: float = 0.0) -> Poses:
+        """Poses at instants (N,); rates (3, N) enter derivatives only; the attitude is taken `attitude_shift` later."""
+        rotation = matrices(self.attitudes.quaternions(t + attitude_shift))
+        position, velocity, calm = self.path.at(t)
+        level = np.zeros_like(position)
+        level[1], level[2] = rotation[2, 2], -rotation[2, 1]
+        size = np.sqrt((level * level).sum(0))
+        level = np.where(size > 1e-6, level / np.maximum(size, 1e-6), _RIGHT)  # vertical: the carrier's own axis
+        return Poses(rotation, position, velocity, calm, rates, level)
+
+    def pose(self, t: float, attitude_shift: float = 0.0) -> Poses:
+        """The pose at one instant (N = 1), rates with the share of motion that was last found."""
+        instants = np.array([t])
+        fast, slow = self.attitudes.fast_and_slow_rates(instants + attitude_shift)
+        return self.poses(instants, slow + self._motion_share * (fast - slow), attitude_shift)
+
+
+_RIGHT = np.array([[0.0], [1.0], [0.0]])
+
+
+def chord(before: list[float], after: list[float], dt: float) -> tuple[float, float, float]:
+    """Displacement (m) between two velocities (m/s): along an arc the chord is shorter than their mean says."""
+    cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
+    half = min(0.5 * abs(math.atan2(cross, dot)), 1.4)
+    # Mean of two velocities of a circle is its speed times cos(half); the chord is speed times sin(half) / half.
+    factor = math.tan(half) / half if half > 1e-3 else 1.0
+    n, e, u = (0.5 * (a + b) * dt for a, b in zip(before, after, strict=True))
+    return n * factor, e * factor, u

@@ -1,0 +1,192 @@
+"""One solve's fixed part: which sighting is of which target, between which knots, in which frame; noise and priors.
+
+Unknowns, in this order: shared (S), targets (3 T: north, east, height above the surface), errors (3 K: north, east, up
+of each knot).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fwav_companion.estimation.errors import CAMERA_DELAY, GIMBAL_DELAY, GIMBAL_SHARED, Array, ErrorPriors, Ints, Noise
+from fwav_companion.estimation.ground import TARGET_SIZE, UNKNOWN_TARGET, GroundSurface, TargetPrior
+from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.measurement import Poses, Projection, feet, project, without_path_noise
+from fwav_companion.estimation.path_samples import Carrier
+from fwav_companion.estimation.wander import Wander, WanderKernel
+
+_CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
+_BREAK_MARGIN_S = 0.02
+_RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
+
+
+@dataclass
+class State:
+    """Values of all unknowns."""
+
+    shared: Array  # (S,)
+    targets: Array  # (T, 3)
+    errors: Array  # (K, 3)
+
+    def vector(self) -> Array:
+        """(n,) in the order of the unknowns."""
+        return np.concatenate([self.shared, self.targets.ravel(), self.errors.ravel()])
+
+    def plus(self, step: Array) -> State:
+        """The state after a step (n,)."""
+        a, b = len(self.shared), len(self.shared) + self.targets.size
+        targets = self.targets + step[a:b].reshape(-1, TARGET_SIZE)
+        return State(self.shared + step[:a], targets, self.errors + step[b:].reshape(-1, 3))
+
+
+class ErrorNoise(NamedTuple):
+    """Standard deviations of the error about the line between two knots, under one kernel."""
+
+    level: Array  # (N,) m, north and east
+    up: Array  # (N,) m
+    gap_variance: Array  # (K - 1,) m^2, mean of north plus east over a gap
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the configuration fixes for a flight."""
+
+    priors: ErrorPriors
+    noise: Noise
+    ground: GroundSurface
+    targets: Mapping[int, TargetPrior]  # of landmarks, pads and roofs; others have `UNKNOWN_TARGET`
+    consider: bool = False  # shared parameters stay at their priors' means, with their share in every covariance
+
+    def target(self, number: int) -> TargetPrior:
+        """The prior of a target."""
+        return self.targets.get(number, UNKNOWN_TARGET)
+
+
+class Problem:
+    """All kept sightings, ready to be linearised at any state."""
+
+    def __init__(self, model: Model, carrier: Carrier, s: Sightings, knots: Array) -> None:
+        self.model, self.carrier, self.s, self.knots = model, carrier, s, knots
+        self.ids: Ints = np.unique(s.target)
+        self.shared_size = len(model.priors)
+        self.errors_at = self.shared_size + TARGET_SIZE * len(self.ids)
+        self.size = self.errors_at + 3 * len(knots)
+        self.of_target = self.ids.searchsorted(s.target)
+        self.instants, self.of_instant = np.unique(s.t, return_inverse=True)
+        self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
+        self.gaps = np.diff(knots)
+        self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
+        self.usable = np.ones(len(s), np.bool_)
+        for b in carrier.path.breaks:
+            self.usable &= (s.t <= b.before - _BREAK_MARGIN_S) | (s.t >= b.after + _BREAK_MARGIN_S)
+        priors = [model.target(k) for k in self.ids.tolist()]
+        self.target_mean = np.array([p.mean() for p in priors]).reshape(-1, TARGET_SIZE)
+        self._target_precision = np.concatenate([p.precision() for p in priors]) if priors else np.zeros(0)
+        self._rates: tuple[float, Array] | None = None
+        self._noise: dict[WanderKernel, ErrorNoise] = {}
+        self._prior: dict[WanderKernel, tuple[Array, float]] = {}
+
+    def wanders(self, kernel: WanderKernel) -> tuple[Wander, Wander]:
+        """Processes of the error: north and east, and up."""
+        noise, left = self.model.noise, self.carrier.path.noise
+        times = noise.wander_times_s
+        level = Wander(noise.position_wander_m, times, kernel, left.level)
+        return level, Wander(noise.height_wander_m, times, kernel, left.up)
+
+    def error_noise(self, kernel: WanderKernel) -> ErrorNoise:
+        """Noise of the sightings that straight lines between knots leave."""
+        if kernel not in self._noise:
+            level, up = self.wanders(kernel)
+            gap = self.gaps[self.left]
+            mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
+            level_sigma, up_sigma = (np.sqrt(w.bridge(gap, self.part)) for w in (level, up))
+            self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, 2.0 * mean)
+        return self._noise[kernel]
+
+    def prior(self, kernel: WanderKernel) -> tuple[Array, float]:
+        """Precision (n, n) of all unknowns, and the log determinant of the knots' covariance."""
+        if kernel not in self._prior:
+            level, up = self.wanders(kernel)
+            breaks, o = self.carrier.path.breaks, self.errors_at
+            level_precision, level_det = level.precision(self.knots, breaks)
+            up_precision, up_det = up.precision(self.knots, breaks)
+            p = np.zeros((self.size, self.size))
+            p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._target_precision])
+            for axis, precision in enumerate((level_precision, level_precision, up_precision)):
+                p[o + axis :: 3, o + axis :: 3] = precision
+            self._prior[kernel] = p, 2.0 * level_det + up_det
+        return self._prior[kernel]
+
+    def deviation(self, state: State) -> Array:
+        """Unknowns (n,) minus their prior means."""
+        mean = self.model.priors.mean
+        parts = (state.shared - mean, (state.targets - self.target_mean).ravel(), state.errors.ravel())
+        return np.concatenate(parts)
+
+    def error_at_sightings(self, errors: Array) -> Array:
+        """Error (3, N) on the lines between knots (K, 3)."""
+        e = np.ascontiguousarray(errors.T)
+        return e.take(self.left, 1) * (1.0 - self.part) + e.take(self.left + 1, 1) * self.part
+
+    def poses(self, shared: Array) -> Poses:
+        """Poses (N) of all sightings' instants."""
+        delay, shift = float(shared[CAMERA_DELAY]), attitude_shift(shared)
+        if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
+            self._rates = delay, self.carrier.rates(self.instants - delay + shift)
+        poses = self.carrier.poses(self.instants - delay, self._rates[1], shift)
+        if len(self.instants) == len(self.s):
+            return poses
+        return Poses(*(a.take(self.of_instant, -1) for a in poses))
+
+    def linearise(self, state: State, kernel: WanderKernel) -> Projection:
+        """All sightings at a state; the kernel says which part of the path is noise."""
+        poses = self.poses(state.shared)
+        places = state.targets.T  # (3, T)
+        ground, slope = self.model.ground.height(places[:2])
+        points = np.stack([places[0], places[1], places[2] + ground]).take(self.of_target, 1)
+        error = self.error_at_sightings(state.errors)
+        found = project(poses, self.s.rays, self.s.tangents, state.shared, points, error)
+        without_path_noise(found, self._path_noise(state.shared, poses, kernel), poses.rotation)
+        self.slope = slope.take(self.of_target, 1)
+        return found
+
+    def _path_noise(self, shared: Array, poses: Poses, kernel: WanderKernel) -> Array:
+        """Part (2, N) of the path about the chords between knots that the wander's noise explains."""
+        knots = self.knots - shared[CAMERA_DELAY]
+        inner = knots[:-1] + self.gaps * _CHORD_PARTS  # (parts, K - 1)
+        level = self.carrier.path.at(np.concatenate([knots, inner.ravel()]))[0][:2]
+        ends, between = level[:, : len(knots)], level[:, len(knots) :].reshape(2, *inner.shape)
+        chords = ends[:, None, :-1] * (1.0 - _CHORD_PARTS) + ends[:, None, 1:] * _CHORD_PARTS
+        motion = ((between - chords) ** 2).sum(0).mean(0)  # (K - 1,) m^2
+        noise = self.error_noise(kernel).gap_variance
+        share = np.where(motion > 2.0 * noise, noise / np.maximum(motion, 1e-12), 1.0)
+        left, part = self.left, self.part
+        chord = ends.take(left, 1) * (1.0 - part) + ends.take(left + 1, 1) * part
+        return np.asarray(share[left] * (poses.position[:2] - chord))
+
+    def first_targets(self, shared: Array, errors: Array, known: Mapping[int, Array]) -> Array:
+        """Targets (T, 3) to start from: known ones, surveys, else the median of the rays' ground points."""
+        targets = self.target_mean.copy()
+        unknown = []
+        for i, k in enumerate(self.ids.tolist()):
+            if k in known:
+                targets[i] = known[k]
+            elif not self.model.target(k).surveyed:
+                unknown.append(i)
+        if unknown:
+            error = self.error_at_sightings(errors)
+            ground = self.model.ground.height(targets[:, :2].T)[0].take(self.of_target)
+            height = float(np.median(ground)) if len(ground) else 0.0
+            place, _ = feet(self.poses(shared), self.s.rays, shared, error, height)
+            for i in unknown:
+                targets[i, :2] = np.median(place[:, self.of_target == i], axis=1)
+        return targets
+
+
+def attitude_shift(shared: Array) -> float:
+    """Seconds by which the carrier's attitude is stored later than its instant: a gimbal's own delay."""
+    return float(shared[GIMBAL_DELAY]) if len(shared) == GIMBAL_SHARED else 0.0

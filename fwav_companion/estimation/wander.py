@@ -1,0 +1,116 @@
+"""The position's error in time: kernels of its wander, its knots, and its variance between two knots.
+
+The error (north, east, up; reported minus true) is the receiver's wander plus what the smoothing of the path left of
+the white noise. How rough the wander is cannot be known before the flight: several kernels are compared by the marginal
+likelihood of the sightings (Rasmussen & Williams 2006, ch. 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.path_samples import PathBreak
+
+
+class WanderKernel(NamedTuple):
+    """Shape of a wander: `low_pass_s` smooths a Gauss-Markov process; None: a second-order one with a finite rate."""
+
+    name: str
+    low_pass_s: float | None
+
+
+SMOOTH: Final = WanderKernel("smooth", None)
+QUICK: Final = WanderKernel("quick", 0.0)
+KERNELS: Final = (
+    SMOOTH, WanderKernel("8 s", 8.0), WanderKernel("3 s", 3.0), WanderKernel("1 s", 1.0), QUICK,
+)  # fmt: skip
+_PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the wander, too
+_LEAST_LOW_PASS_S = 0.07
+_JITTER_M2 = 1e-8  # keeps the knots' covariance regular
+_LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
+
+
+@dataclass(frozen=True)
+class Wander:
+    """Covariance of one component of the error as a function of the lag."""
+
+    sigma_m: float
+    times_s: tuple[float, ...]  # the variance is shared equally
+    kernel: WanderKernel
+    path: tuple[float, float]  # m, s: what the smoothing of the path left
+
+    def covariance(self, lag: Array) -> Array:
+        """(...) s to (...) m^2."""
+        left_m, left_s = self.path
+        total = left_m**2 * np.exp(lag * (-1.0 / left_s))
+        if self.sigma_m <= 0.0:
+            return np.asarray(total)
+        share = self.sigma_m**2 / len(self.times_s)
+        for time in self.times_s:
+            if self.kernel.low_pass_s is None:
+                x = (2.0 / time) * lag
+                total = total + share * (1.0 + x) * np.exp(-x)
+            else:
+                low_pass = max(_PATH_LOW_PASS * left_s, _LEAST_LOW_PASS_S, self.kernel.low_pass_s)
+                slow, fast = 1.0 / time, max(1.0 / low_pass, 1.001 / time)
+                process = fast * np.exp(-slow * lag) - slow * np.exp(-fast * lag)
+                total = total + share / (fast - slow) * process
+        return np.asarray(total)
+
+    def growth(self) -> float:
+        """Process noise (m^2/s) of the random walk that grows like this over half a second."""
+        start, later = self.covariance(np.array([0.0, 0.5])).tolist()
+        return float(4.0 * (start - later))
+
+    def bridge(self, gap: Array, part: Array) -> Array:
+        """Variance (m^2) about the straight line between two knots, at the fraction `part` of the gap (s).
+
+        Sightings see the error, not the line. Without this variance the sightings between two knots count as
+        independent looks at the line, and the knots are claimed too well.
+        """
+        start, ends, left, right = self.covariance(np.stack([0.0 * gap, gap, part * gap, (1.0 - part) * gap]))
+        line = (part**2 + (1.0 - part) ** 2) * start + 2.0 * part * (1.0 - part) * ends
+        return np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right))
+
+    def precision(self, knots: Array, breaks: list[PathBreak]) -> tuple[Array, float]:
+        """Inverse (K, K) of the prior covariance of the knots (K,) s, and the log determinant of the covariance."""
+        covariance = self.covariance(np.abs(knots[:, None] - knots))  # (K, K)
+        covariance[np.diag_indices(len(knots))] += _JITTER_M2
+        for b in breaks:  # everything after a step may be off by one more constant
+            after = (knots >= b.after - 1e-9).astype(np.float64)
+            covariance += max(_LEAST_STEP_M, 4.0 * b.step_m) ** 2 * np.outer(after, after)
+        root = np.linalg.cholesky(covariance)
+        inverse = np.linalg.inv(root)
+        return inverse.T @ inverse, 2.0 * float(np.log(np.diag(root)).sum())
+
+
+# Gaps between knots by their age, both s: dense where the error now is estimated, sparse where it only carries places.
+SPACING: Final = ((0.0, 0.5), (8.0, 1.0), (25.0, 2.0), (60.0, 4.0), (200.0, 8.0), (800.0, 16.0))
+
+
+def place_knots(t: Array, now: float, breaks: list[PathBreak], stretch: float = 1.0) -> Array:
+    """Times (K,) of the knots, at least two: at `now`, at both sides of breaks, and about sightings (N,) s."""
+    age = now - t
+    found = [np.array([now])]
+    for i, (start, gap) in enumerate(SPACING):
+        end = SPACING[i + 1][0] if i + 1 < len(SPACING) else np.inf
+        gap *= stretch
+        cells = np.unique(np.floor(t[(age >= start) & (age < end)] / gap)) * gap
+        found += [cells, cells + gap]
+    inside = [x for b in breaks for x in (b.before, b.after) if t[0] < x < now]
+    knots = np.concatenate([*found, np.array(inside)])
+    knots = np.unique(np.round(knots[knots <= now], 6))
+    if knots[0] > t[0] or len(knots) < 2:
+        knots = np.unique(np.append(knots, min(float(t[0]), now - SPACING[0][1])))
+    return knots
+
+
+def at_times(t: Array, knots: Array, errors: Array) -> Array:
+    """Error (N, 3) at times (N,): straight lines between knots (K,) with errors (K, 3), constant beyond the ends."""
+    if not len(knots):
+        return np.zeros((len(t), 3))
+    return np.stack([np.interp(t, knots, errors[:, c]) for c in range(3)], axis=-1)
