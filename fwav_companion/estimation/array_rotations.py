@@ -44,17 +44,17 @@ _RATE_FORM = _bilinear_form(_twice_vector_of_conjugate_product)  # (3, 16)
 
 def matrices(q: Array) -> Array:
     """Rotation matrices (3, 3, N) of unit quaternions (4, N)."""
-    return (_MATRIX_FORM @ (q[:, None] * q).reshape(16, -1)).reshape(3, 3, -1)
+    return np.asarray((_MATRIX_FORM @ (q[:, None] * q).reshape(16, -1)).reshape(3, 3, -1))
 
 
 def body_rates(q: Array, derivative: Array) -> Array:
     """Angular rates (3, N) in carrier axes, rad/s, of quaternions (4, N) and their time derivatives (4, N)."""
-    return _RATE_FORM @ (q[:, None] * derivative).reshape(16, -1)
+    return np.asarray(_RATE_FORM @ (q[:, None] * derivative).reshape(16, -1))
 
 
 def apply(m: Array, v: Array) -> Array:
     """Products (i, N) of matrices (i, j, N) and vectors (j, N), or (i, k, N) for (j, k, N); either N may be 1."""
-    return np.einsum("ijn,jn->in" if v.ndim == 2 else "ijn,jkn->ikn", m, v)
+    return np.asarray(np.einsum("ijn,jn->in" if v.ndim == 2 else "ijn,jkn->ikn", m, v))
 
 
 def crosses(v: Array, axes: Array) -> Array:

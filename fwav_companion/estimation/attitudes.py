@@ -30,7 +30,7 @@ class Attitudes:
         self._last = np.array([1.0, 0.0, 0.0, 0.0])
 
     def append(self, t: float, q: Array) -> bool:
-        """Add the attitude (4,) stamped t; False for one that is not finite, not later than the last, or no rotation."""
+        """Add the attitude (4,) stamped t; False: not finite, not later, or no rotation."""
         norm = float(np.linalg.norm(q))
         if not (np.isfinite(t) and 0.5 < norm < 2.0):
             return False

@@ -119,7 +119,10 @@ def _sum_over_gaps(rows: Array, divided: Array, left: Ints) -> tuple[Array, Ints
 
 
 def _scatter(parts: Array, left: Ints, o: int, knots: int) -> tuple[Array, Array]:
-    """One matrix (n, n) and its right-hand side (n,) from the gaps' products; a gap has two knots."""
+    """One matrix (n, n) and its right-hand side (n,) from the gaps' products; a gap has two knots.
+
+    Rows of a rolling shutter may come back to a gap: sums are unbuffered.
+    """
     n = o + 3 * knots
     information, right = np.zeros((n, n)), np.zeros(n)
     total = parts[:, :o].sum(0)
@@ -128,10 +131,9 @@ def _scatter(parts: Array, left: Ints, o: int, knots: int) -> tuple[Array, Array
     between = np.zeros((knots, knots, 3, 3))
     for a in (0, 1):
         rows = parts[:, o + 3 * a : o + 3 * a + 3]
-        cross[left + a, :, :o] += rows[:, :, :o]
-        cross[left + a, :, o] += rows[:, :, -1]
+        np.add.at(cross, left + a, rows[:, :, np.append(np.arange(o), -1)])
         for b in (0, 1):
-            between[left + a, left + b] += rows[:, :, o + 3 * b : o + 3 * b + 3]
+            np.add.at(between, (left + a, left + b), rows[:, :, o + 3 * b : o + 3 * b + 3])
     information[o:, o:] = between.transpose(0, 2, 1, 3).reshape(3 * knots, 3 * knots)
     information[o:, :o] = cross[:, :, :o].reshape(3 * knots, o)
     information[:o, o:] = information[o:, :o].T

@@ -61,7 +61,7 @@ class SampleBuffer:
     def _make_room(self) -> None:
         """Move the samples to the front, of twice the room where less than half of it would be free."""
         n = len(self)
-        capacity = max(_FIRST_CAPACITY, len(self._times) if 2 * n < len(self._times) else 2 * n)
+        capacity = max(_FIRST_CAPACITY, len(self._times), 2 * n)
         times, values = np.empty(capacity), np.empty((len(self._values), capacity))
         times[:n], values[:, :n] = self.times, self.values
         self._times, self._values, self._first, self._end = times, values, 0, n

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Noise
+from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Ints, Noise
 from fwav_companion.estimation.ground import TARGET_SIZE
-from fwav_companion.estimation.information import NormalEquations, WeightedSightings, normal_equations, own_inverse
+from fwav_companion.estimation.information import WeightedSightings, normal_equations, own_inverse
 from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.wander import WanderKernel
@@ -116,7 +116,7 @@ def gauss_newton_step(
     return Step(step, float(step @ gradient), 0.5 * (covariance + covariance.T), log_likelihood, log_det)
 
 
-def reported_unknowns(problem: Problem) -> Array:
+def reported_unknowns(problem: Problem) -> Ints:
     """Indices of shared, targets and the newest knot's error."""
     return np.concatenate([np.arange(problem.errors_at), np.arange(problem.size - 3, problem.size)])
 
@@ -179,6 +179,3 @@ def likeliest_kernel(
         weighted = weigh_sightings(problem, projection, k, weigh)
         found[k] = gauss_newton_step(problem, state, projection, weighted, k, likelihood=True).log_likelihood
     return max(found, key=found.__getitem__)
-
-
-__all__ = ["NormalEquations", "Step", "Weigh", "iterate"]

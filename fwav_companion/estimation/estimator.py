@@ -1,0 +1,257 @@
+"""The estimator of one vehicle: telemetry and frames in, answers out; when to solve and when to search."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+from fwav_companion.estimation.answers import Answer, ParameterStatus, parameter_statuses
+from fwav_companion.estimation.attitudes import Attitudes
+from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT, Array, ErrorPriors, Ints, Noise
+from fwav_companion.estimation.frame_prediction import FramePrediction
+from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
+from fwav_companion.estimation.kept_sightings import KEPT, Sightings, joined, thinned
+from fwav_companion.estimation.live_filter import LiveFilter
+from fwav_companion.estimation.moving import MovingTarget
+from fwav_companion.estimation.path_samples import Carrier
+from fwav_companion.estimation.problem import Model
+from fwav_companion.estimation.solve import Estimate, SolveTask
+from fwav_companion.estimation.vehicle_path import VehiclePath
+from fwav_companion.estimation.wander import SMOOTH
+
+# Gaps between solves by the time since the first one, both s: longer ones cost up to 15 % of some kinds' accuracy.
+_SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
+_LEAST_GAP_S = 0.999
+_KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
+_SEARCH_GAP_S, _REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
+_HEIGHT_CHANGE, _LEAST_HEIGHT_M = 0.1, 0.3  # in a descent the picture's scale ages with the height
+_SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for a solve
+SOLVED_TARGETS = 24  # columns of a solve are bounded; the best seen are in it
+_REPLAYED = 300  # frames between a solve's start and its take-over
+_ATTITUDE_MARGIN_S, _PRUNE_S, _PRUNED_AGE_S = 1.0, 30.0, 40.0
+
+
+class Estimator:
+    """One vehicle and one camera."""
+
+    def __init__(
+        self, priors: ErrorPriors, noise: Noise, *, ground: GroundSurface | None = None,
+        targets: Mapping[int, TargetPrior] | None = None, consider: bool = False, kept: int = KEPT,
+    ) -> None:  # fmt: skip
+        """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration."""
+        self.targets = dict(targets or {})
+        self.model = Model(priors, noise, ground or LevelGround(), self.targets, consider)
+        self._attitudes = Attitudes(noise.attitude_rad, noise.attitude_stamp_delay_s)
+        self._path = VehiclePath(noise.position_m, noise.height_m)
+        self.carrier = Carrier(self._attitudes, self._path.samples)
+        self._budget = kept
+        self.kept: Sightings | None = None
+        self._new: list[Sightings] = []
+        self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
+        self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
+        self.live: LiveFilter | None = None
+        self.moving: dict[int, MovingTarget] = {}
+        self.solves = self.searches = 0
+        self._first_solve: float | None = None
+        self._next_solve = self._next_kernels = self._next_search = self._next_prune = -np.inf
+        self._has_new_target = False
+        self._solved_height_m = 0.0
+
+    # Telemetry and frames, in order of time.
+
+    def add_attitude(self, t: float, quaternion: Array) -> bool:
+        """Add ned_from_carrier (4,) as stamped; False for a sample that is left out."""
+        return self._attitudes.append(t, quaternion)
+
+    def add_position(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
+        """Add north, east, height (m) and their rates; reset: the report begins a new piece. False: left out."""
+        return self._path.append(t, position, velocity, reset=reset)
+
+    def predict(self, s: Sightings) -> FramePrediction | None:
+        """Every detection of a frame against every target; None before the first solve."""
+        live = self.live
+        if live is None or not len(s) or not self.carrier.ready:
+            return None
+        live.predict(float(s.t[0]))
+        targets = live.targets
+        detection = np.repeat(np.arange(len(s)), len(targets))
+        prediction, _, _ = live.innovations(s, detection, np.tile(targets, len(s)))
+        return prediction
+
+    def update(self, s: Sightings) -> None:
+        """Take a frame whose detections have targets; -1: none."""
+        s = s.select(s.target >= 0)
+        if not len(s):
+            return
+        self._new.append(s)
+        self._replayed.append(s)
+        self._update_live(s)
+
+    def _update_live(self, s: Sightings) -> None:
+        live = self.live
+        if live is None or not self.carrier.ready:
+            return
+        known = np.array([k in live.at or k in live.other for k in s.target.tolist()], np.bool_)
+        self._has_new_target |= not bool(known.all())
+        if known.any():
+            live.update(s.select(known))
+
+    def update_moving(self, s: Sightings) -> bool:
+        """Take one sighting (N = 1) of a moving target; it teaches nothing. False: refused, or no solve yet."""
+        if self.live is None:
+            return False
+        target = int(s.target[0])
+        if target not in self.moving:
+            self.moving[target] = MovingTarget(self.live, s)
+        return self.moving[target].update(self.live, s)
+
+    # Solves.
+
+    def is_solve_due(self, now: float) -> bool:
+        """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
+        if not self._new or not self.carrier.ready:
+            return False
+        if self.live is None or now >= self._next_solve - 1e-9:
+            return True
+        if now < self.estimate.t + _LEAST_GAP_S:
+            return False
+        change = abs(self._height(now) - self._solved_height_m)
+        if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M) or self._has_new_target:
+            return True
+        live = self.live
+        seen = live.used + live.refused
+        surprised = live.surprise > _SURPRISE * max(live.used, 1)
+        return seen > 10 and (surprised or live.refused > 0.5 * seen)
+
+    def start_solve(self, now: float) -> SolveTask:
+        """A snapshot for a solve at the instant `now`; adopt its estimate later."""
+        s = joined([*([self.kept] if self.kept is not None else []), *self._new])
+        self._new = []
+        self.kept = s = thinned(s, now, self._budget)
+        self._path.settle()
+        self._prune(now, s)
+        first = self.estimate.small is None
+        search = first or (self.estimate.weight < _REFUSED_WEIGHT and now >= self._next_search)
+        since = now - (self._first_solve if self._first_solve is not None else now)
+        if self._first_solve is None:
+            self._first_solve = now
+        compare = self.model.noise.position_wander_m > 0 and not self.model.consider
+        compare = compare and since >= _KERNELS_FROM_S and now >= self._next_kernels
+        if compare:
+            self._next_kernels = now + _KERNEL_GAPS_S[0 if since < _EARLY_S else 1]
+        if search:
+            self._next_search, self.searches = now + _SEARCH_GAP_S, self.searches + 1
+        self._next_solve = now + [gap for start, gap in _SOLVE_GAPS if since >= start][-1]
+        self._has_new_target = False
+        self._replayed.clear()
+        return SolveTask(now, self.model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
+
+    def adopt(self, estimate: Estimate) -> None:
+        """Take over a solve's estimate and replay the frames since its start."""
+        self.estimate = estimate
+        self.solves += 1
+        if estimate.wanders is None:
+            return
+        self.live = LiveFilter(
+            self.model, self.carrier, estimate.wanders, estimate.t, estimate.mean, estimate.covariance, estimate.ids
+        )
+        for s in self._replayed:
+            self._update_live(s)
+        self._solved_height_m = self._height(estimate.t)
+
+    def solve(self, now: float) -> None:
+        """Solve in line and adopt at once."""
+        self.adopt(self.start_solve(now).run())
+
+    def _height(self, now: float) -> float:
+        """Camera above the origin's ground, m, as far as known."""
+        up = float(self.estimate.errors[-1, 2]) if len(self.estimate.errors) else 0.0
+        position, _, _ = self.carrier.path.at(np.array([min(now, self.carrier.path.newest)]))
+        return float(position[2, 0]) - float(self.estimate.shared[HEIGHT]) - up
+
+    def _prune(self, now: float, s: Sightings) -> None:
+        """Delete attitudes that no kept sighting needs: memory does not grow with the flight."""
+        if now < self._next_prune:
+            return
+        self._next_prune = now + _PRUNE_S
+        recent = np.arange(now - _PRUNED_AGE_S, now + 2 * _ATTITUDE_MARGIN_S, _ATTITUDE_MARGIN_S)
+        self._attitudes.keep_near(np.sort(np.concatenate([s.t, recent])), _ATTITUDE_MARGIN_S)
+
+    # Answers.
+
+    def answer(self, target: int, t: float) -> Answer | None:
+        """A target at the instant t; None before it was solved."""
+        live = self.live
+        if live is None:
+            return None
+        position, velocity = self._vehicle(t)
+        rows, added = live.vehicle_rows(t, velocity)
+        (level, _), (up, _) = self.carrier.path.noise
+        vehicle_variance = added + np.array([level, level, up]) ** 2
+        vehicle = position - rows @ live.mean
+        rows[2, HEIGHT] = 1.0
+        vehicle[2] -= live.mean[HEIGHT]
+        if target in self.moving:
+            return self._moving_answer(live, self.moving[target], t, position, velocity)
+        if target not in live.at and target not in live.other:
+            return None
+        place, covariance = live.place(target)
+        ground, slope = self.model.ground.height(place[:2, None])
+        lift = np.eye(3)
+        lift[2, :2] = slope[:, 0]
+        place = np.array([place[0], place[1], place[2] + float(ground[0])])
+        cross = lift @ live.cross(target) @ rows.T  # (3, 3)
+        own = lift @ covariance @ lift.T
+        relative = own + cross + cross.T + rows @ live.covariance @ rows.T + np.diag(vehicle_variance)
+        return Answer(place, own, place - vehicle, relative, np.zeros(2), np.zeros((2, 2)))
+
+    def _moving_answer(
+        self, live: LiveFilter, moving: MovingTarget, t: float, position: Array, velocity: Array
+    ) -> Answer:
+        level, level_covariance = moving.relative(live, t, position[:2], velocity[:2])
+        e = live.error
+        place = level + position[:2] + velocity[:2] * live.mean[8] - live.mean[e : e + 2]
+        ground = float(self.model.ground.height(place[:, None])[0][0])
+        covariance, relative = np.zeros((3, 3)), np.zeros((3, 3))
+        covariance[:2, :2] = level_covariance + live.covariance[e : e + 2, e : e + 2]
+        relative[:2, :2] = level_covariance
+        height = np.zeros(len(live.mean))
+        height[[HEIGHT, e + 2]] = 1.0
+        relative[2, 2] = float(height @ live.covariance @ height) + self.carrier.path.noise.up[0] ** 2
+        up = ground - float(position[2] - height @ live.mean)
+        return Answer(
+            np.append(place, ground), covariance, np.append(level, up), relative, moving.state[2:].copy(),
+            moving.own[2:, 2:].copy(),
+        )  # fmt: skip
+
+    def _vehicle(self, t: float) -> tuple[Array, Array]:
+        """Reported position (3,) and velocity (3,) at t, carried on by the velocity beyond the newest sample."""
+        last = min(t, self.carrier.path.newest)
+        position, velocity, _ = self.carrier.path.at(np.array([last]))
+        return position[:, 0] + velocity[:, 0] * (t - last), velocity[:, 0]
+
+    def self_calibration(self) -> tuple[ParameterStatus, ...]:
+        """Status of every shared parameter, by the live posterior."""
+        priors, live = self.model.priors, self.live
+        if live is None:
+            return parameter_statuses(priors, priors.mean, priors.sigma, consider=self.model.consider)
+        size = len(priors)
+        sigma = np.sqrt(live.covariance.diagonal()[:size])
+        return parameter_statuses(priors, live.mean[:size], sigma, consider=self.model.consider)
+
+    def stored(self) -> tuple[Array, Array]:
+        """Means and sigmas (12,) for the next flight's priors, NaN before the first solve."""
+        if self.live is None:
+            return np.full(BODY_SHARED, np.nan), np.full(BODY_SHARED, np.nan)
+        return self.live.mean[:BODY_SHARED].copy(), np.sqrt(self.live.covariance.diagonal()[:BODY_SHARED])
+
+
+def _best_seen(s: Sightings) -> Sightings:
+    """The sightings of the targets that are seen most often, as many as a solve has columns for."""
+    ids, count = np.unique(s.target, return_counts=True)
+    if len(ids) <= SOLVED_TARGETS:
+        return s
+    best: Ints = ids[np.argsort(-count, kind="stable")[:SOLVED_TARGETS]]
+    return s.select(np.isin(s.target, best))

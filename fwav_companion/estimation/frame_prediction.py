@@ -1,0 +1,47 @@
+"""Predicted measurements of a frame: residuals of pairs and their joint innovation covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fwav_companion.estimation.errors import Array, Bools, Ints
+
+GATE2 = 18.0  # squared distance of a pair that is still used: 99.99 % of two dimensions
+
+
+@dataclass(frozen=True)
+class FramePrediction:
+    """M pairs of a detection and a target; rows of matrices: all first components, then all second ones."""
+
+    detection: Ints  # (M,) index in the frame
+    target: Ints  # (M,)
+    residual: Array  # (2 M,) standardised, observed minus predicted
+    covariance: Array  # (2 M, 2 M) joint: with the noise and the errors that the frame's pairs share
+    distance2: Array  # (M,) squared, of each pair alone
+    log_det: Array  # (M,) of each pair's own covariance
+    visible: Bools  # (M,)
+
+    def rows(self, pairs: Ints) -> Ints:
+        """Rows of pairs in the residual and the covariance."""
+        return np.concatenate([pairs, pairs + len(self.target)])
+
+    def joint_distance2(self, pairs: Ints) -> tuple[float, float]:
+        """Squared distance of several pairs together, and the log determinant of their covariance.
+
+        Three targets that are displaced alike are one surprise, not three.
+        """
+        rows = self.rows(pairs)
+        covariance, residual = self.covariance[np.ix_(rows, rows)], self.residual[rows]
+        return float(residual @ np.linalg.solve(covariance, residual)), float(np.linalg.slogdet(covariance)[1])
+
+
+def pair_distances(residual: Array, covariance: Array) -> tuple[Array, Array]:
+    """Squared distances (M,) of pairs, each by its own two rows, and their covariances' log determinants (M,)."""
+    m = len(residual) // 2
+    u, v = residual[:m], residual[m:]
+    d = covariance.diagonal()
+    a, b, c = d[:m], covariance[:m, m:].diagonal(), d[m:]
+    det = a * c - b * b
+    return (u * u * c - 2.0 * u * v * b + v * v * a) / det, np.log(det)
