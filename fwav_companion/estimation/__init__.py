@@ -9,15 +9,15 @@ Input, in order of time:
     estimator = Estimator(priors, noise)
     estimator.add_attitude(t, quaternion)                 # (4,) w x y z, ned_from_carrier, as stamped
     estimator.add_position(t, position, velocity)         # (3,) north, east, height; (3,) m/s; reset=True at a jump
-    frame = Frame(number, instants, rays, tangents)       # D detections; `tangents` standardise: noise of one each axis
+    frame = frame_of(number, stamps, rays, tangents)      # D detections; `tangents` standardise: noise of one each axis
 
 Each frame:
 
     prediction = estimator.predict(frame)                 # None before the first solve
-    prediction.targets, .residual, .covariance, .distance # every detection against every target in view
-    prediction.joint_distance(pairs)                      # one surprise of a whole hypothesis (pairs of detection, target)
-    estimator.update(frame, targets)                      # one target number for each detection, -1: no target
-    found = cluster(estimator, frames)                    # initiation of targets from detections without a target
+    prediction.target, .residual, .covariance, .distance2 # every detection against every target in view
+    prediction.joint_distance2(pairs)                     # one surprise of a whole hypothesis
+    estimator.update(frame.with_targets(numbers))         # one for each detection; -1: no target
+    found = cluster(estimator, frames)                    # initiation from detections without a target
 
 A solve is a pure function of what was kept at its instant:
 

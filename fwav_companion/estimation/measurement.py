@@ -151,7 +151,7 @@ def camera_positions(poses: Poses, shared: Array, error: Array) -> Array:
     lever = np.einsum("ijn,j->in", poses.rotation, shared[LEVER])
     camera[:2] -= lever[:2]
     camera[2] += lever[2] - shared[HEIGHT]
-    return camera
+    return np.asarray(camera)
 
 
 def feet(poses: Poses, rays: Array, shared: Array, error: Array, ground: float = 0.0) -> tuple[Array, Bools]:

@@ -46,7 +46,7 @@ class MovingTarget:
         return np.append(np.arange(live.size), live.error + 2)
 
     def _means(self, live: LiveFilter) -> Array:
-        return live.mean[self._index(live)]
+        return np.asarray(live.mean[self._index(live)])
 
     def follow(self, live: LiveFilter) -> None:
         """Move with the considered parameters' means, which static targets and solves have changed."""
@@ -95,7 +95,7 @@ class MovingTarget:
         return True
 
     def relative(self, live: LiveFilter, t: float, position: Array, velocity: Array) -> tuple[Array, Array]:
-        """Target minus vehicle (2,), and covariance (2, 2); reported position (2,) and velocity (2,) of the vehicle at t."""
+        """Target minus vehicle (2,), covariance (2, 2), by the vehicle's reported position and velocity (2,) at t."""
         dt = t - self.t
         index = self._index(live)
         moved = self.state + self.sensitivity @ (self._means(live) - self._considered)

@@ -130,7 +130,7 @@ class Problem:
     def error_at_sightings(self, errors: Array) -> Array:
         """Error (3, N) on the lines between knots (K, 3)."""
         e = np.ascontiguousarray(errors.T)
-        return e.take(self.left, 1) * (1.0 - self.part) + e.take(self.left + 1, 1) * self.part
+        return np.asarray(e.take(self.left, 1) * (1.0 - self.part) + e.take(self.left + 1, 1) * self.part)
 
     def poses(self, shared: Array) -> Poses:
         """Poses (N) of all sightings' instants."""

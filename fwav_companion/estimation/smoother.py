@@ -151,7 +151,7 @@ def step_share(problem: Problem, projection: Projection, step: Array) -> float:
         share = min(share, float(np.quantile(room, 0.02)))
     turn = float(np.abs(step[1 : PITCH + 1]).max())
     share = min(share, _DELAY_STEP_S / max(1e-9, abs(step[CAMERA_DELAY])), _TURN_STEP_RAD / max(1e-9, turn))
-    return max(share, _LEAST_SHARE)
+    return float(max(share, _LEAST_SHARE))
 
 
 def iterate(

@@ -74,7 +74,7 @@ class Wander:
         """
         start, ends, left, right = self.covariance(np.stack([0.0 * gap, gap, part * gap, (1.0 - part) * gap]))
         line = (part**2 + (1.0 - part) ** 2) * start + 2.0 * part * (1.0 - part) * ends
-        return np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right))
+        return np.asarray(np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right)))
 
     def precision(self, knots: Array, breaks: list[PathBreak]) -> tuple[Array, float]:
         """Inverse (K, K) of the prior covariance of the knots (K,) s, and the log determinant of the covariance."""
