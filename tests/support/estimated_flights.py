@@ -103,7 +103,7 @@ class Planted:
 
 def reported_attitude(true, ypr, errors):
     """The attitude with the errors of heading, roll and pitch; roll about the body's x, pitch about the level y."""
-    level = Rotation.from_euler("Z", ypr[:, 0]).apply([0.0, 1.0, 0.0])
+    level = Rotation.from_euler("Z", ypr[:, :1]).apply([0.0, 1.0, 0.0])
     heading = Rotation.from_euler("Z", errors[4])
     return heading * Rotation.from_rotvec(level * errors[6]) * true * Rotation.from_rotvec([errors[5], 0.0, 0.0])
 

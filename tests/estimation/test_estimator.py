@@ -1,0 +1,248 @@
+"""The estimator on simulated flights: planted errors within the claims, invariances, bad input."""
+
+import numpy as np
+import pytest
+from estimated_flights import Planted, flown, standardised
+from simulated_flight import Flight, path
+
+from fwav_companion.estimation.errors import CAMERA_DELAY, MOUNT, POSITION_DELAY, Noise, priors, with_stored
+from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.ground import TargetPrior
+from fwav_companion.estimation.kept_sightings import frame_of
+
+LATE_AND_CROOKED = np.array([0.035, 0.02, -0.01, 0.015, 0.03, 0, 0, 0.3, 0, 0, 0, 0])
+TURNS = Flight(seconds=20.0, fps=10.0, shape="turns", height_m=10.0, pitch_deg=0.0, targets=((1.0, 2.0), (-1.5, 1.0)),
+               velocities=((0.0, 0.0),) * 2, labels=("", ""))  # fmt: skip
+
+
+def relative_error(planted, estimator, target, t):
+    """True minus estimated relative place (2,), and the claim's covariance (2, 2)."""
+    answer = estimator.answer(target, t)
+    camera = path(planted.flight, np.array([t]))[0][0]
+    return np.array(planted.flight.targets[target]) - camera[:2] - answer.relative[:2], answer.relative_covariance[
+        :2, :2
+    ]
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    planted = Planted(TURNS, LATE_AND_CROOKED)
+    return planted, flown(planted, priors())
+
+
+def test_delay_of_a_late_camera_is_found_within_its_claim(calibrated):
+    _, estimator = calibrated
+    delay = estimator.self_calibration()[CAMERA_DELAY]
+    assert delay.status == "calibrated"
+    assert delay.sigma < 0.005
+    assert abs(delay.estimate - LATE_AND_CROOKED[CAMERA_DELAY]) < 4 * delay.sigma
+
+
+def test_every_planted_error_is_within_four_sigmas(calibrated):
+    _, estimator = calibrated
+    statuses = estimator.self_calibration()
+    off = [(s.estimate - true) / s.sigma for s, true in zip(statuses, LATE_AND_CROOKED, strict=True)]
+    assert np.abs(off).max() < 4.0
+    assert all(s.sigma <= s.prior_sigma * 1.0001 for s in statuses)
+
+
+def test_relative_place_is_within_its_claim(calibrated):
+    planted, estimator = calibrated
+    for target in (0, 1):
+        error, covariance = relative_error(planted, estimator, target, 19.9)
+        assert np.hypot(*error) < 0.15
+        assert error @ np.linalg.solve(covariance, error) < 18.0
+
+
+def test_estimate_does_not_depend_on_the_epoch(calibrated):
+    planted, estimator = calibrated
+    moved = Estimator(priors(), estimator.model.noise)
+    attitudes, positions = planted.telemetry()
+    later = 4096.0  # a power of two: stamps keep their last bits but twelve
+    events = [(t + 0.05, 0, (t + later, q)) for t, q in attitudes]
+    events += [(t + 0.05, 1, (t + later, p, v)) for t, p, v in positions]
+    events += [(t + 0.25, 2, s) for t, s in planted.frames()]
+    for _, kind, value in sorted(events, key=lambda event: event[:2]):
+        if kind == 2:
+            s = frame_of(int(value.frame[0]), value.t + later, value.rays, value.tangents).with_targets(value.target)
+            moved.update(s)
+            if moved.is_solve_due(float(s.t[0])):
+                moved.solve(float(s.t[0]))
+        else:
+            (moved.add_attitude, moved.add_position)[kind](*value)
+    a, b = estimator.answer(0, 19.9), moved.answer(0, 19.9 + later)
+    assert b.relative == pytest.approx(a.relative, abs=0.05 * np.sqrt(a.relative_covariance[0, 0]) + 1e-4)
+
+
+def test_estimate_does_not_depend_on_names_and_order_of_detections(calibrated):
+    planted, estimator = calibrated
+
+    class Renamed(Planted):
+        def frames(self, pixel_px=None):
+            return [
+                (t, s.select(np.arange(len(s))[::-1]).with_targets(7 - s.target[::-1])) for t, s in super().frames()
+            ]
+
+    renamed = flown(Renamed(planted.flight, planted.errors), priors())
+    a, b = estimator.answer(0, 19.9), renamed.answer(7, 19.9)
+    assert b.relative == pytest.approx(a.relative, abs=1e-4)
+    assert b.relative_covariance == pytest.approx(a.relative_covariance, rel=1e-3, abs=1e-9)
+
+
+def test_replay_gives_the_same_bytes(calibrated):
+    planted, estimator = calibrated
+    again = flown(planted, priors())
+    assert again.live.mean.tobytes() == estimator.live.mean.tobytes()
+    assert again.live.covariance.tobytes() == estimator.live.covariance.tobytes()
+
+
+def test_a_solve_taken_over_later_replays_the_frames_between(calibrated):
+    planted, _ = calibrated
+    pending = []
+
+    class Deferred(Estimator):
+        def solve(self, now):
+            if not pending:
+                pending.append(self.start_solve(now))
+                pending.append(now + 0.4)
+
+    estimator = Deferred(priors(), Noise(attitude_rad=planted.attitude_noise))
+    attitudes, positions = planted.telemetry()
+    for sample in attitudes:
+        estimator.add_attitude(*sample)
+    for sample in positions:
+        estimator.add_position(*sample)
+    for stamp, s in planted.frames():
+        estimator.update(s)
+        if estimator.is_solve_due(stamp):
+            estimator.solve(stamp)
+        if pending and stamp >= pending[1]:
+            estimator.adopt(pending[0].run())
+            pending.clear()
+            assert estimator.live.t == pytest.approx(stamp)
+    error, covariance = relative_error(planted, estimator, 0, 19.9)
+    assert error @ np.linalg.solve(covariance, error) < 18.0
+
+
+def test_consider_mode_keeps_the_configuration_and_claims_its_priors():
+    planted = Planted(TURNS, np.zeros(12))
+    estimator = flown(planted, priors(), consider=True)
+    statuses = estimator.self_calibration()
+    assert all(s.estimate == 0.0 and s.sigma == pytest.approx(s.prior_sigma) for s in statuses)
+    answer = estimator.answer(0, 19.9)
+    assert np.sqrt(answer.relative_covariance[0, 0]) > 0.1
+
+
+def test_a_landmark_makes_the_absolute_place_known():
+    planted = Planted(TURNS, LATE_AND_CROOKED, wander_m=1.0)
+    survey = {1: TargetPrior((-1.5, 1.0), 0.02)}
+    with_survey = flown(planted, priors(), targets=survey)
+    without = flown(planted, priors())
+    better, worse = with_survey.answer(0, 19.9), without.answer(0, 19.9)
+    assert better.covariance[0, 0] < 0.1 * worse.covariance[0, 0]
+    error = better.place[:2] - planted.flight.targets[0]
+    assert error @ np.linalg.solve(better.covariance[:2, :2], error) < 18.0
+
+
+def test_a_delay_beyond_its_prior_contradicts_the_configuration():
+    planted = Planted(TURNS, np.array([0.06, *[0.0] * 11]))
+    delay = flown(planted, priors(camera_delay_s=0.01)).self_calibration()[CAMERA_DELAY]
+    assert delay.status == "contradicts"
+    assert "sigmas from the configuration" in delay.reason
+
+
+def test_stored_calibration_is_widened_and_never_beyond_the_configuration():
+    mean, sigma = np.full(12, 0.01), np.full(12, 0.001)
+    mean[5] = np.nan
+    prior = with_stored(priors(position_delay_s=0.05), mean, sigma)
+    assert prior.sigma[CAMERA_DELAY] == pytest.approx(np.hypot(0.001, 0.002))
+    assert prior.sigma[MOUNT] == pytest.approx(np.hypot(0.001, 0.0035))
+    assert prior.mean[POSITION_DELAY] == 0.01
+    assert prior.mean[4] == 0.0  # the heading is another one at every start
+
+
+def bare():
+    estimator = Estimator(priors(), Noise())
+    planted = Planted(TURNS)
+    attitudes, positions = planted.telemetry()
+    return planted, estimator, attitudes, positions
+
+
+def fed(estimator, attitudes, positions):
+    for sample in attitudes:
+        estimator.add_attitude(*sample)
+    for sample in positions:
+        estimator.add_position(*sample)
+
+
+def claims_are_sane(estimator, target, t):
+    answer = estimator.answer(target, t)
+    assert answer is not None
+    assert np.isfinite(answer.relative).all()
+    eigenvalues = np.linalg.eigvalsh(answer.relative_covariance)
+    assert eigenvalues.min() > 0.0
+    return answer
+
+
+def test_samples_that_are_not_finite_are_left_out():
+    planted, estimator, attitudes, positions = bare()
+    nan = np.full(4, np.nan)
+    assert not estimator.add_attitude(0.0, nan)
+    assert not estimator.add_position(0.0, nan[:3], nan[:3])
+    fed(estimator, attitudes, positions)
+    for stamp, s in planted.frames()[:30]:
+        bad = frame_of(int(s.frame[0]), s.t, s.rays * np.nan, s.tangents)
+        assert not len(bad)
+        estimator.update(s)
+    estimator.solve(stamp)
+    claims_are_sane(estimator, 0, stamp)
+
+
+def test_answer_of_one_sighting_is_claimed_no_better_than_its_priors():
+    planted, estimator, attitudes, positions = bare()
+    fed(estimator, attitudes, positions)
+    stamp, s = planted.frames()[20]
+    estimator.update(s)
+    estimator.solve(stamp)
+    answer = claims_are_sane(estimator, int(s.target[0]), stamp)
+    assert np.sqrt(answer.relative_covariance[0, 0]) > 0.1
+
+
+def test_a_thousand_sightings_of_one_frame_are_bounded():
+    planted, estimator, attitudes, positions = bare()
+    fed(estimator, attitudes, positions)
+    uv = np.random.default_rng(1).uniform([0, 0], [639, 479], (1000, 2))
+    rays, tangents = standardised(uv, 4.0)
+    s = frame_of(3, np.full(1000, 5.0), rays, tangents)
+    assert len(s) <= 100
+    estimator.update(s.with_targets(np.arange(len(s)) % 30))
+    estimator.solve(5.0)
+    assert len(estimator.live.targets) <= 24
+
+
+def test_a_vehicle_that_never_moves_waits_with_a_reason():
+    flight = Flight(seconds=6.0, fps=5.0, shape="hover", flapping_deg=0.0, pitch_deg=0.0, targets=((0.5, 0.5),))
+    estimator = flown(Planted(flight), priors())
+    claims_are_sane(estimator, 0, 5.0)
+    assert all(s.status == "waiting" and s.reason for s in estimator.self_calibration()[1:4])
+
+
+@pytest.mark.parametrize("factor", [0.0, 100.0])
+def test_priors_of_zero_and_of_a_hundred_times_give_a_finite_claim(factor):
+    prior = priors(camera_delay_s=0.05 * factor, mount_rad=0.0175 * factor, heading_rad=0.035 * factor,
+                   tilt_rad=0.0087 * factor, height_m=0.5 * factor)  # fmt: skip
+    planted = Planted(Flight(seconds=4.0, fps=5.0, shape="turns", pitch_deg=0.0, targets=((1.0, 2.0),)))
+    claims_are_sane(flown(planted, prior), 0, 3.8)
+
+
+def test_telemetry_at_one_hertz_gives_a_finite_claim():
+    flight = Flight(seconds=20.0, fps=4.0, shape="turns", flapping_deg=0.0, pitch_deg=0.0, attitude_hz=1.0,
+                    targets=((1.0, 2.0),))  # fmt: skip
+    claims_are_sane(flown(Planted(flight, position_hz=1.0), priors()), 0, 19.0)
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 80.0])
+def test_targets_below_and_near_the_horizon_give_a_finite_claim(pitch_deg):
+    where = ((0.0, 0.0),) if pitch_deg == 0 else ((70.0, 0.0),)
+    flight = Flight(seconds=4.0, fps=5.0, shape="hover", pitch_deg=pitch_deg, targets=where)
+    claims_are_sane(flown(Planted(flight), priors()), 0, 3.8)
