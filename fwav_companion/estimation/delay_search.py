@@ -21,6 +21,8 @@ from fwav_companion.estimation.wander import QUICK
 START_GAP_S = 0.008  # an iteration converges from half of this
 MOST_STARTS = 81  # of a prior that is absurdly wide: the gap grows instead
 _PRIOR_SIGMAS = 2.5
+# A delay far beyond a narrow prior must be found to be named: a wrong mode within the prior would be claimed instead.
+_LEAST_REACH_S, _LEAST_REACH_SIGMAS = 0.08, 8.0
 _SIGHTINGS, _SPAN_S, _KNOT_GAP_S = 150, 25.0, 3.0
 _ROUNDS = 3
 _NEAR_S, _NEAR_COST = 0.004, 25.0
@@ -64,8 +66,9 @@ def _starts(model: Model) -> list[tuple[float, float]]:
     mean, sigma = float(model.priors.mean[CAMERA_DELAY]), float(model.priors.sigma[CAMERA_DELAY])
     if sigma <= _LEAST_SIGMA_S or model.consider:
         return [(mean, START_GAP_S)]
-    half = min(int(np.ceil(_PRIOR_SIGMAS * sigma / START_GAP_S)), MOST_STARTS // 2)
-    gap = max(START_GAP_S, _PRIOR_SIGMAS * sigma / half)
+    reach = max(_PRIOR_SIGMAS * sigma, min(_LEAST_REACH_S, _LEAST_REACH_SIGMAS * sigma))
+    half = min(int(np.ceil(reach / START_GAP_S)), MOST_STARTS // 2)
+    gap = max(START_GAP_S, reach / half)
     return [(mean + i * gap, gap) for i in range(-half, half + 1)]
 
 

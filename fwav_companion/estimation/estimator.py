@@ -25,6 +25,7 @@ from fwav_companion.estimation.wander import SMOOTH
 _SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
 _LEAST_GAP_S = 0.999
 _KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
+_EARLY_SEARCHES, _SECOND_SEARCH_S = 2, 3.0
 _SEARCH_GAP_S, _REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
 _HEIGHT_CHANGE, _LEAST_HEIGHT_M = 0.1, 0.3  # in a descent the picture's scale ages with the height
 _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for a solve
@@ -133,8 +134,10 @@ class Estimator:
         self._path.settle()
         self._prune(now, s)
         first = self.estimate.small is None
-        search = first or (self.estimate.weight < _REFUSED_WEIGHT and now >= self._next_search)
         since = now - (self._first_solve if self._first_solve is not None else now)
+        # The first search sees few sightings; one more when they are some seconds apart, later only when needed.
+        early = self.searches < _EARLY_SEARCHES and since >= _SECOND_SEARCH_S
+        search = first or early or (self._is_doubtful() and now >= self._next_search)
         if self._first_solve is None:
             self._first_solve = now
         compare = self.model.noise.position_wander_m > 0 and not self.model.consider
@@ -147,6 +150,11 @@ class Estimator:
         self._has_new_target = False
         self._replayed.clear()
         return SolveTask(now, self.model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
+
+    def _is_doubtful(self) -> bool:
+        """Whether the last solve refuses many sightings, or contradicts the configuration."""
+        contradicts = any(s.status == "contradicts" for s in self.self_calibration())
+        return self.estimate.weight < _REFUSED_WEIGHT or contradicts
 
     def adopt(self, estimate: Estimate) -> None:
         """Take over a solve's estimate and replay the frames since its start."""

@@ -35,9 +35,9 @@ class Sightings:
 
     def select(self, which: Bools | Ints) -> Sightings:
         """Those of a mask (N,) or of indices."""
-        i = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        if len(i) == len(self):
+        if which.dtype == np.bool_ and bool(which.all()):
             return self
+        i = np.flatnonzero(which) if which.dtype == np.bool_ else which
         return Sightings(self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i])
 
     def with_targets(self, target: Ints) -> Sightings:

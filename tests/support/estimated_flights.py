@@ -119,13 +119,16 @@ def standardised(uv, sigma_px):
     return rays, np.moveaxis(np.linalg.pinv(columns) / sigma_px, 0, -1)
 
 
-def flown(planted, priors, noise=None, *, observe=None, **options):
-    """The estimator after the flight, frames with true targets; `observe(estimator, stamp)` after every frame."""
+def flown(planted, priors, noise=None, *, observe=None, take_over_s=0.0, **options):
+    """The estimator after the flight, frames with true targets; `observe(estimator, stamp)` after every frame.
+
+    take_over_s: time from a solve's start to its take-over; 0: at once.
+    """
     noise = noise or Noise(
         attitude_rad=planted.attitude_noise, attitude_stamp_delay_s=planted.flight.stamp_late_s,
         position_m=planted.position_noise_m, height_m=planted.height_noise_m, position_wander_m=planted.wander_m,
     )  # fmt: skip
-    estimator = Estimator(priors, noise, **options)
+    estimator, pending = Estimator(priors, noise, **options), []
     attitudes, positions = planted.telemetry()
     events = [(t + 0.05, 0, (t, q)) for t, q in attitudes] + [(t + 0.05, 1, (t, p, v)) for t, p, v in positions]
     events += [(t + 0.25, 2, (t, s)) for t, s in planted.frames()]
@@ -137,8 +140,12 @@ def flown(planted, priors, noise=None, *, observe=None, **options):
         else:
             stamp, s = value
             estimator.update(s)
-            if estimator.is_solve_due(stamp):
-                estimator.solve(stamp)
+            if pending and stamp >= pending[0].t + take_over_s:
+                estimator.adopt(pending.pop().run())
+            if not pending and estimator.is_solve_due(stamp):
+                pending.append(estimator.start_solve(stamp))
+                if take_over_s == 0:
+                    estimator.adopt(pending.pop().run())
             if observe is not None:
                 observe(estimator, stamp)
     return estimator
