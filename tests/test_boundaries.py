@@ -13,6 +13,7 @@ import fwav_companion
 PACKAGE = Path(fwav_companion.__file__).parent
 PURE = (
     "camera",
+    "estimation",
     "geometry",
     "localization",
     "mavlink",

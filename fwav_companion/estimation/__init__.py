@@ -17,7 +17,8 @@ Each frame:
     prediction.target, .residual, .covariance, .distance2 # every detection against every target in view
     prediction.joint_distance2(pairs)                     # one surprise of a whole hypothesis
     estimator.update(frame.with_targets(numbers))         # one for each detection; -1: no target
-    found = cluster(estimator, frames)                    # initiation from detections without a target
+    found = best_clustering(model, carrier, s, delays, turns)     # initiation before the first solve
+    found = cluster(model, carrier, s, shared, covariance, error) # and from detections without a target later
 
 A solve is a pure function of what was kept at its instant:
 
@@ -28,7 +29,7 @@ A solve is a pure function of what was kept at its instant:
 
 Output:
 
-    estimator.answer(target, t) -> Answer                 # place, relative place, their covariances, velocity
+    estimator.answer(target, t) -> TargetAnswer                 # place, relative place, their covariances, velocity
     estimator.self_calibration() -> tuple[ParameterStatus, ...]   # calibrated | waiting | contradicts, with sigmas
     estimator.stored() / with_stored(priors, stored)      # the vehicle's own parameters for the next flight
 """

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, NAMES, Array, ErrorPriors
+from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, NAMES, Array, SharedPriors
 
 Status = Literal["calibrated", "waiting", "contradicts"]
 CONTRADICTION_SIGMAS = 4.0
@@ -16,7 +16,7 @@ _NEGLIGIBLE = np.array([1e-3, *[1e-3] * 3, *[1e-3] * 3, 0.02, 1e-3, *[0.01] * 3,
 
 
 @dataclass(frozen=True)
-class Answer:
+class TargetAnswer:
     """A target at an instant."""
 
     place: Array  # (3,) m north, east, height
@@ -54,7 +54,7 @@ _MISSING = {
 
 
 def parameter_statuses(
-    priors: ErrorPriors, mean: Array, sigma: Array, *, consider: bool
+    priors: SharedPriors, mean: Array, sigma: Array, *, consider: bool
 ) -> tuple[ParameterStatus, ...]:
     """Status of each shared parameter: estimate (S,), its sigma (S,)."""
     statuses = []

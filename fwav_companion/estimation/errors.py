@@ -42,7 +42,7 @@ _STORED: Final = np.array([CAMERA_DELAY, 1, 2, 3, POSITION_DELAY, 9, 10, 11])
 
 
 @dataclass(frozen=True)
-class ErrorPriors:
+class SharedPriors:
     """Means and standard deviations (S,) of the shared parameters; S is 12, or 14 with a gimbal."""
 
     mean: Array
@@ -65,7 +65,7 @@ class ErrorPriors:
 
 
 @dataclass(frozen=True)
-class Noise:
+class SampleNoise:
     """What is fresh in every sample, and how the position wanders; standard deviations."""
 
     attitude_rad: float = 0.00175  # white, about each axis
@@ -82,7 +82,7 @@ def priors(
     *, camera_delay_s: float = 0.05, mount_rad: float = 0.0175, heading_rad: float = 0.035, tilt_rad: float = 0.0087,
     height_m: float = 0.5, position_delay_s: float = 0.0, lever_arm_m: float = 0.0,
     gimbal: tuple[float, float] | None = None,
-) -> ErrorPriors:  # fmt: skip
+) -> SharedPriors:  # fmt: skip
     """Zero-mean priors; `gimbal`: sigmas of its heading (rad) and of its delay (s)."""
     sigma = np.zeros(BODY_SHARED if gimbal is None else GIMBAL_SHARED)
     sigma[CAMERA_DELAY], sigma[MOUNT], sigma[HEADING] = camera_delay_s, mount_rad, heading_rad
@@ -90,10 +90,10 @@ def priors(
     sigma[HEIGHT], sigma[POSITION_DELAY], sigma[LEVER] = height_m, position_delay_s, lever_arm_m
     if gimbal is not None:
         sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal
-    return ErrorPriors(np.zeros_like(sigma), sigma)
+    return SharedPriors(np.zeros_like(sigma), sigma)
 
 
-def with_stored(prior: ErrorPriors, mean: Array, sigma: Array) -> ErrorPriors:
+def with_stored(prior: SharedPriors, mean: Array, sigma: Array) -> SharedPriors:
     """The priors of a flight that follows another; (S,) of the last flight, NaN where nothing was stored.
 
     Only what belongs to the vehicle is taken: heading, tilt and height change at every start. No sigma becomes larger

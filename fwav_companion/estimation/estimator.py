@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fwav_companion.estimation.answers import Answer, ParameterStatus, parameter_statuses
+from fwav_companion.estimation.answers import ParameterStatus, TargetAnswer, parameter_statuses
 from fwav_companion.estimation.attitudes import Attitudes
-from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT, Array, ErrorPriors, Ints, Noise
+from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT, Array, Ints, SampleNoise, SharedPriors
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
 from fwav_companion.estimation.kept_sightings import KEPT, Sightings, joined, thinned
@@ -38,7 +38,7 @@ class Estimator:
     """One vehicle and one camera."""
 
     def __init__(
-        self, priors: ErrorPriors, noise: Noise, *, ground: GroundSurface | None = None,
+        self, priors: SharedPriors, noise: SampleNoise, *, ground: GroundSurface | None = None,
         targets: Mapping[int, TargetPrior] | None = None, consider: bool = False, kept: int = KEPT,
     ) -> None:  # fmt: skip
         """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration."""
@@ -189,7 +189,7 @@ class Estimator:
 
     # Answers.
 
-    def answer(self, target: int, t: float) -> Answer | None:
+    def answer(self, target: int, t: float) -> TargetAnswer | None:
         """A target at the instant t; None before it was solved."""
         live = self.live
         if live is None:
@@ -213,11 +213,11 @@ class Estimator:
         cross = lift @ live.cross(target) @ rows.T  # (3, 3)
         own = lift @ covariance @ lift.T
         relative = own + cross + cross.T + rows @ live.covariance @ rows.T + np.diag(vehicle_variance)
-        return Answer(place, own, place - vehicle, relative, np.zeros(2), np.zeros((2, 2)))
+        return TargetAnswer(place, own, place - vehicle, relative, np.zeros(2), np.zeros((2, 2)))
 
     def _moving_answer(
         self, live: LiveFilter, moving: MovingTarget, t: float, position: Array, velocity: Array
-    ) -> Answer:
+    ) -> TargetAnswer:
         level, level_covariance = moving.relative(live, t, position[:2], velocity[:2])
         e = live.error
         place = level + position[:2] + velocity[:2] * live.mean[8] - live.mean[e : e + 2]
@@ -229,7 +229,7 @@ class Estimator:
         height[[HEIGHT, e + 2]] = 1.0
         relative[2, 2] = float(height @ live.covariance @ height) + self.carrier.path.noise.up[0] ** 2
         up = ground - float(position[2] - height @ live.mean)
-        return Answer(
+        return TargetAnswer(
             np.append(place, ground), covariance, np.append(level, up), relative, moving.state[2:].copy(),
             moving.own[2:, 2:].copy(),
         )  # fmt: skip

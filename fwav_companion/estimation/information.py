@@ -26,7 +26,7 @@ class WeightedSightings(NamedTuple):
     weight: Array  # (N,) 0 to 1
 
 
-class NormalEquations(NamedTuple):
+class SightingInformation(NamedTuple):
     """Information of the sightings, without priors."""
 
     information: Array  # (n, n)
@@ -47,7 +47,7 @@ def own_inverse(common: Array, variance: Array) -> tuple[Array, Array]:
     return inverse, det
 
 
-def normal_equations(problem: Problem, projection: Projection, weighted: WeightedSightings) -> NormalEquations:
+def normal_equations(problem: Problem, projection: Projection, weighted: WeightedSightings) -> SightingInformation:
     """Sum over all usable sightings."""
     use = np.flatnonzero((weighted.weight > _LEAST_WEIGHT) & problem.usable)
     o, size = problem.errors_at, problem.shared_size
@@ -65,7 +65,7 @@ def normal_equations(problem: Problem, projection: Projection, weighted: Weighte
     divided, log_det = _divide_by_noise(rows, common, weighted.weight[use], problem.s.frame[use])
     parts, left = _sum_over_gaps(rows, divided, problem.left[use])
     information, right = _scatter(parts, left, o, len(problem.knots))
-    return NormalEquations(information, right, float(parts[:, -1, -1].sum()), log_det)
+    return SightingInformation(information, right, float(parts[:, -1, -1].sum()), log_det)
 
 
 def _divide_by_noise(rows: Array, common: Array, weight: Array, frame: Ints) -> tuple[Array, float]:

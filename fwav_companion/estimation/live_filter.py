@@ -15,9 +15,9 @@ from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, project
 from fwav_companion.estimation.path_samples import Carrier
-from fwav_companion.estimation.problem import Model, attitude_shift
+from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import Wander
+from fwav_companion.estimation.wander import Wander, step_variance
 
 TEACHING = 10  # targets whose sightings update the shared parameters
 _SHORT_S = 0.5  # gap up to which the error is a random walk
@@ -82,6 +82,9 @@ class LiveFilter:
             self.covariance[:, e] *= keep
             self.other_cross[:, :, e] *= keep
         self.covariance[e, e] += added
+        for b in self.carrier.path.breaks:
+            if self.t < b.after <= t:
+                self.covariance[e, e] += step_variance(b)
         self.t = t
 
     def aging(self, dt: float) -> tuple[Array, Array]:
@@ -142,6 +145,9 @@ class LiveFilter:
     def update(self, s: Sightings) -> None:
         """Take one frame whose detections have targets that the filter knows."""
         self.predict(float(s.t[0]))
+        margin = BREAK_MARGIN_S
+        if any(b.before - margin < self.t < b.after + margin for b in self.carrier.path.breaks):
+            return
         teaches = np.array([k in self.at for k in s.target.tolist()], np.bool_)
         for which, update in ((teaches, self._update_base), (~teaches, self._update_others)):
             index = np.flatnonzero(which)
@@ -205,6 +211,7 @@ class LiveFilter:
     def vehicle_rows(self, t: float, velocity: Array) -> tuple[Array, Array]:
         """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
         keep, added = self.aging(t - self.t)
+        added = added + sum(step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t)
         a = np.zeros((3, len(self.mean)))
         a[np.arange(3), self._errors] = keep
         a[:, POSITION_DELAY] = -velocity

@@ -35,7 +35,7 @@ class PathAxis:
         mean, variance = self.predicted[-1]
         return abs(z - mean) / math.sqrt(variance + self.r + _FORGIVEN_M**2)
 
-    def open(self) -> None:
+    def reopen(self) -> None:
         """Forget where the coordinate was: the next sample begins a new piece."""
         mean, variance = self.predicted[-1]
         self.predicted[-1] = mean, variance + _OPEN_M2

@@ -12,7 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, GIMBAL_DELAY, GIMBAL_SHARED, Array, ErrorPriors, Ints, Noise
+from fwav_companion.estimation.errors import (
+    CAMERA_DELAY,
+    GIMBAL_DELAY,
+    GIMBAL_SHARED,
+    Array,
+    Ints,
+    SampleNoise,
+    SharedPriors,
+)
 from fwav_companion.estimation.ground import TARGET_SIZE, UNKNOWN_TARGET, GroundSurface, TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, Projection, feet, project, without_path_noise
@@ -20,7 +28,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.wander import Wander, WanderKernel
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
-_BREAK_MARGIN_S = 0.02
+BREAK_MARGIN_S = 0.02
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
 
@@ -55,8 +63,8 @@ class ErrorNoise(NamedTuple):
 class Model:
     """What the configuration fixes for a flight."""
 
-    priors: ErrorPriors
-    noise: Noise
+    priors: SharedPriors
+    noise: SampleNoise
     ground: GroundSurface
     targets: Mapping[int, TargetPrior]  # of landmarks, pads and roofs; others have `UNKNOWN_TARGET`
     consider: bool = False  # shared parameters stay at their priors' means, with their share in every covariance
@@ -82,7 +90,7 @@ class Problem:
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
         self.usable = np.ones(len(s), np.bool_)
         for b in carrier.path.breaks:
-            self.usable &= (s.t <= b.before - _BREAK_MARGIN_S) | (s.t >= b.after + _BREAK_MARGIN_S)
+            self.usable &= (s.t <= b.before - BREAK_MARGIN_S) | (s.t >= b.after + BREAK_MARGIN_S)
         priors = [model.target(k) for k in self.ids.tolist()]
         self.target_mean = np.array([p.mean() for p in priors]).reshape(-1, TARGET_SIZE)
         self._target_precision = np.concatenate([p.precision() for p in priors]) if priors else np.zeros(0)

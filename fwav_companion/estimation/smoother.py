@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Ints, Noise
+from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Ints, SampleNoise
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.information import WeightedSightings, normal_equations, own_inverse
 from fwav_companion.estimation.measurement import Projection
@@ -40,7 +40,7 @@ class Step:
     log_determinant: float  # of the information matrix
 
 
-def common_noise(projection: Projection, noise: Noise) -> Array:
+def common_noise(projection: Projection, noise: SampleNoise) -> Array:
     """Standard deviations (2, 4, M) that attitude's noises about three axes and the stamp's noise cause."""
     g = np.empty((2, 4, projection.residual.shape[1]))
     g[:, :3] = projection.shared[:, MOUNT] * noise.attitude_rad

@@ -82,7 +82,7 @@ class VehiclePath:
         breaks.append(PathBreak(before, after, step))
         del breaks[:-_MOST_BREAKS]
         for axis in self._axes:
-            axis.open()
+            axis.reopen()
 
     def settle(self) -> None:
         """Before a solve: smooth over the whole lag, with the noise of heights and velocities by the data."""
@@ -182,7 +182,7 @@ class VehiclePath:
             if i:
                 axis.predict(climbed[i] - climbed[i - 1], t[i] - t[i - 1])
                 if broken[i]:
-                    axis.open()
+                    axis.reopen()
             axis.update(height)
         self._axes[2] = axis
         first = len(self.samples.buffer) - len(t)

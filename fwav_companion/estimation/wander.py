@@ -82,10 +82,15 @@ class Wander:
         covariance[np.diag_indices(len(knots))] += _JITTER_M2
         for b in breaks:  # everything after a step may be off by one more constant
             after = (knots >= b.after - 1e-9).astype(np.float64)
-            covariance += max(_LEAST_STEP_M, 4.0 * b.step_m) ** 2 * np.outer(after, after)
+            covariance += step_variance(b) * np.outer(after, after)
         root = np.linalg.cholesky(covariance)
         inverse = np.linalg.inv(root)
         return inverse.T @ inverse, 2.0 * float(np.log(np.diag(root)).sum())
+
+
+def step_variance(b: PathBreak) -> float:
+    """Variance (m^2) of the constant by which the error steps at a break."""
+    return max(_LEAST_STEP_M, 4.0 * b.step_m) ** 2
 
 
 # Gaps between knots by their age, both s: dense where the error now is estimated, sparse where it only carries places.

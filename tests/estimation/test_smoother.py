@@ -6,7 +6,7 @@ from estimated_flights import Planted
 from scipy.optimize import least_squares
 from simulated_flight import Flight
 
-from fwav_companion.estimation.errors import Noise, priors
+from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.information import _divide_by_noise, normal_equations
 from fwav_companion.estimation.kept_sightings import joined
@@ -22,11 +22,11 @@ def all_weights(distance2, projection, inverse):
 
 @pytest.fixture(scope="module")
 def problem():
-    """Sixty sightings of two targets from a turning flight with a wandering position."""
-    flight = Flight(seconds=12.0, fps=2.5, shape="turns", height_m=8.0, pitch_deg=0.0, targets=((1.0, 2.0), (-1.0, 1.0)),
-                    velocities=((0.0, 0.0),) * 2)  # fmt: skip
+    """Sixty sightings of two targets of a turning flight, wandering position."""
+    flight = Flight(seconds=12.0, fps=2.5, shape="turns", height_m=8.0, pitch_deg=0.0,
+                    targets=((1.0, 2.0), (-1.0, 1.0)), velocities=((0.0, 0.0),) * 2)  # fmt: skip
     planted = Planted(flight, np.array([0.02, 0.01, -0.01, 0.0, 0.02, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0]))
-    estimator = Estimator(priors(), Noise(position_wander_m=0.3, height_wander_m=0.1))
+    estimator = Estimator(priors(), SampleNoise(position_wander_m=0.3, height_wander_m=0.1))
     attitudes, positions = planted.telemetry()
     for sample in attitudes:
         estimator.add_attitude(*sample)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
 
-from fwav_companion.estimation.errors import Noise
+from fwav_companion.estimation.errors import SampleNoise
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import frame_of
 
@@ -111,9 +111,9 @@ def reported_attitude(true, ypr, errors):
 def standardised(uv, sigma_px):
     """Unit rays (3, N) in body axes of pixels (N, 2), and tangents (2, 3, N) by finite differences of the lens."""
     rays = camera_from_pixel(uv)
-    step = 0.01
-    du = (camera_from_pixel(uv + [step, 0]) - camera_from_pixel(uv - [step, 0])) / (2 * step)
-    dv = (camera_from_pixel(uv + [0, step]) - camera_from_pixel(uv - [0, step])) / (2 * step)
+    right, below = np.array([0.01, 0.0]), np.array([0.0, 0.01])
+    du = (camera_from_pixel(uv + right) - camera_from_pixel(uv - right)) / 0.02
+    dv = (camera_from_pixel(uv + below) - camera_from_pixel(uv - below)) / 0.02
     body = BODY_FROM_CAMERA
     rays, columns = body.apply(rays).T, np.stack([body.apply(du), body.apply(dv)], -1)  # (N, 3, 2)
     return rays, np.moveaxis(np.linalg.pinv(columns) / sigma_px, 0, -1)
@@ -124,7 +124,7 @@ def flown(planted, priors, noise=None, *, observe=None, take_over_s=0.0, **optio
 
     take_over_s: time from a solve's start to its take-over; 0: at once.
     """
-    noise = noise or Noise(
+    noise = noise or SampleNoise(
         attitude_rad=planted.attitude_noise, attitude_stamp_delay_s=planted.flight.stamp_late_s,
         position_m=planted.position_noise_m, height_m=planted.height_noise_m, position_wander_m=planted.wander_m,
     )  # fmt: skip

@@ -1,0 +1,156 @@
+"""Initiation of targets: clusters of the ground points of detections that no target explains.
+
+Before the first solve there is no calibration: clusters are formed for every start of the delay's bank, and for mounts
+that are wrong by quarter turns (an image that is rotated, a camera that is turned round). The hypothesis that explains
+most detections with the fewest clusters is used; a turn that explains more than the configuration is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fwav_companion.estimation.array_rotations import rotation_and_jacobian
+from fwav_companion.estimation.errors import CAMERA_DELAY, Array, Bools, Ints
+from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.measurement import Poses, feet, project
+from fwav_companion.estimation.path_samples import Carrier
+from fwav_companion.estimation.problem import Model, attitude_shift
+from fwav_companion.estimation.smoother import common_noise
+
+LEAST_FRAMES = 4  # of a cluster that is a target
+_GATE2 = 9.0  # squared distance of a ground point from its cluster, by the covariance of both
+_CLUSTER_COST = 3.0  # detections that one more cluster must explain
+_TURN_COST = 6.0  # detections by which a turned mount must explain more than the configured one
+_MOST_CLUSTERS = 64
+QUARTER_TURNS_RAD = tuple(np.pi / 2 * k for k in range(4))
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Detections of one target to be."""
+
+    place: Array  # (2,) m north, east
+    covariance: Array  # (2, 2) m^2
+    members: Ints  # indices of the sightings
+
+
+@dataclass(frozen=True)
+class Clustering:
+    """Clusters under one hypothesis of the delay and of the mount."""
+
+    clusters: tuple[Cluster, ...]
+    shared: Array  # (S,)
+    turn: Array  # (3,) rad, rotation vector by which the configured mount is wrong; zero: it is right
+    score: float  # explained detections minus the costs
+
+
+def quarter_turns(camera_axis: Array) -> list[Array]:
+    """Rotation vectors (3,) in carrier axes of mounts that are often confused with the configured one.
+
+    camera_axis: (3,) the optical axis. Turns of 90, 180 and 270 degrees about it (a rotated image), and of 90, 180 and
+    270 degrees about each carrier axis (a camera that looks elsewhere).
+    """
+    found = [np.zeros(3)]
+    for axis in (camera_axis, *np.eye(3)):
+        for angle in QUARTER_TURNS_RAD[1:]:
+            v = axis * angle
+            matrix = rotation_and_jacobian(v)[0]
+            if all(np.abs(matrix - rotation_and_jacobian(w)[0]).max() > 1e-6 for w in found):
+                found.append(v)
+    return found
+
+
+def cluster(
+    model: Model, carrier: Carrier, s: Sightings, shared: Array, covariance: Array, error: Array,
+    turn: Array | None = None,
+) -> Clustering:  # fmt: skip
+    """Clusters of sightings (N) at the shared parameters (S,) with their covariance (S, S), and the error (3,)."""
+    turn = np.zeros(3) if turn is None else turn
+    back = rotation_and_jacobian(-turn)[0]
+    rays = back @ s.rays
+    tangents = np.einsum("ian,ba->ibn", s.tangents, back)
+    instants = s.t - shared[CAMERA_DELAY]
+    poses = carrier.poses(instants, carrier.rates(instants), attitude_shift(shared))
+    ground = float(model.ground.height(poses.position[:2, :1])[0][0])
+    place, meets = feet(poses, rays, shared, error[:, None], ground)
+    spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error)
+    clusters = _greedy(place, spread, meets, s.frame)
+    explained = sum(len(c.members) for c in clusters)
+    score = explained - _CLUSTER_COST * len(clusters) - (_TURN_COST if turn.any() else 0.0)
+    return Clustering(tuple(clusters), shared, turn, score)
+
+
+def _foot_covariances(
+    model: Model, poses: Poses, rays: Array, tangents: Array, shared: Array, covariance: Array, place: Array,
+    ground: float, error: Array,
+) -> Array:  # fmt: skip
+    """Covariances (2, 2, N) of ground points: the detection's noise, the frame's, and the shared parameters'."""
+    point = np.concatenate([place, np.full((1, place.shape[1]), ground)])
+    found = project(poses, rays, tangents, shared, point, error[:, None])
+    g = common_noise(found, model.noise)
+    known = np.tensordot(covariance, found.shared, (1, 1)).swapaxes(0, 1)  # (2, S, N)
+    s = np.einsum("ian,jan->ijn", g, g) + np.einsum("ian,jan->ijn", found.shared, known)
+    s[0, 0] += 1.0
+    s[1, 1] += 1.0
+    j = found.point[:, :2].transpose(2, 0, 1)  # (N, 2, 2)
+    regular = np.abs(np.linalg.det(j)) > 1e-9
+    inverse = np.zeros_like(j)
+    inverse[regular] = np.linalg.inv(j[regular])
+    out = np.einsum("nij,jkn,nlk->iln", inverse, s, inverse)
+    out[0, 0, ~regular] = out[1, 1, ~regular] = 1e6
+    return np.asarray(out)
+
+
+def _greedy(place: Array, spread: Array, meets: Bools, frame: Ints) -> list[Cluster]:
+    """Each ground point, in order of time, joins the nearest cluster in its gate that its frame has not used."""
+    members: list[list[int]] = []
+    means: list[Array] = []
+    spreads: list[Array] = []
+    last_frame: list[int] = []
+    for i in np.flatnonzero(meets).tolist():
+        best, best2 = -1, _GATE2
+        for c, mean in enumerate(means):
+            if last_frame[c] == int(frame[i]):
+                continue
+            d = place[:, i] - mean
+            distance2 = float(d @ np.linalg.solve(spreads[c] + spread[..., i], d))
+            if distance2 < best2:
+                best, best2 = c, distance2
+        if best < 0:
+            if len(means) < _MOST_CLUSTERS:
+                members.append([i])
+                means.append(place[:, i].copy())
+                spreads.append(spread[..., i].copy())
+                last_frame.append(int(frame[i]))
+            continue
+        members[best].append(i)
+        # The shared errors do not average out: the mean moves, its covariance is that of one ground point.
+        means[best] = means[best] + (place[:, i] - means[best]) / len(members[best])
+        spreads[best] = spreads[best] + (spread[..., i] - spreads[best]) / len(members[best])
+        last_frame[best] = int(frame[i])
+    return [
+        Cluster(m, c, np.array(which, np.int64))
+        for m, c, which in zip(means, spreads, members, strict=True)
+        if len(np.unique(frame[which])) >= LEAST_FRAMES
+    ]
+
+
+def best_clustering(
+    model: Model, carrier: Carrier, s: Sightings, delays: Iterable[float], turns: Iterable[Array]
+) -> Clustering:
+    """The clustering of greatest score over delays and turns, before the first solve.
+
+    The delay's share of the covariance is left out: each hypothesis has a delay of its own.
+    """
+    variance = model.priors.sigma**2
+    variance[CAMERA_DELAY] = 0.0
+    turns = list(turns)
+    found = []
+    for delay in delays:
+        shared = model.priors.mean.copy()
+        shared[CAMERA_DELAY] = delay
+        found += [cluster(model, carrier, s, shared, np.diag(variance), np.zeros(3), turn) for turn in turns]
+    return max(found, key=lambda c: c.score)
