@@ -117,7 +117,7 @@ class Attitudes:
     def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:
         """Share (3, 1) of the fast rates, beyond the slow ones, that is motion and not noise of the attitudes.
 
-        A delay's derivative is the rate times the ray. SampleNoise in the rate is an error in the variables (Fuller 1987): it
+        A delay's derivative is the rate times the ray. Noise in the rate is an error in the variables (Fuller 1987): it
         counts as information on the delay that does not exist (0.9 ms claimed, 12 ms off). The noise of the rates
         follows from this interpolation's own gain. Squares are clipped at their 98 % point: a polynomial's end can be
         far off.

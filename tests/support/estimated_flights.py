@@ -132,7 +132,7 @@ def flown(planted, priors, noise=None, *, observe=None, take_over_s=0.0, **optio
     attitudes, positions = planted.telemetry()
     events = [(t + 0.05, 0, (t, q)) for t, q in attitudes] + [(t + 0.05, 1, (t, p, v)) for t, p, v in positions]
     events += [(t + 0.25, 2, (t, s)) for t, s in planted.frames()]
-    for now, kind, value in sorted(events, key=lambda event: event[:2]):
+    for _, kind, value in sorted(events, key=lambda event: event[:2]):
         if kind == 0:
             estimator.add_attitude(*value)
         elif kind == 1:
