@@ -12,7 +12,7 @@ from scipy.stats import binom, chi2
 
 from fwav_companion.camera import BrownConrady
 from fwav_companion.tools.locate.estimate import SightError, locate
-from fwav_companion.tools.locate.shots import Estimate, SharedError, Shot, Sight
+from fwav_companion.tools.locate.shots import SightsEstimate, SharedError, Shot, Sight
 from fwav_companion.tools.locate.surfaces import FlatSurface
 
 WIDTH, HEIGHT, FOCAL = 4000, 3000, 3000.0
@@ -41,7 +41,7 @@ def shot(name: str, at: np.ndarray, axes: np.ndarray) -> Shot:
     )  # fmt: skip
 
 
-def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.ndarray, Estimate]:
+def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.ndarray, SightsEstimate]:
     """(error of the place, the estimate) of one target in ``count`` pictures; shared errors are one draw for all."""
     target = np.array([*rng.uniform(-5, 5, 2), rng.normal() * RELIEF_M])
     shared = rng.normal(size=8) * SHARED * scale
@@ -58,7 +58,7 @@ def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.nd
         shots.append(shot(str(len(shots)), moved, turned))
         sights.append(Sight(len(shots) - 1, (u, v), "t"))
     estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
-    assert isinstance(estimate, Estimate)
+    assert isinstance(estimate, SightsEstimate)
     return np.array(estimate.places[0].ned) - target, estimate
 
 
@@ -76,7 +76,7 @@ def test_claim_over_drawn_sets_is_right_from_both_sides(count: int) -> None:
     assert binom.ppf(0.0005, 300, 0.9) <= inside <= binom.ppf(0.9995, 300, 0.9)
 
 
-def _parts(estimate: Estimate) -> list[float]:
+def _parts(estimate: SightsEstimate) -> list[float]:
     budget = estimate.places[0].budget
     return [getattr(budget, name) for name in budget.__struct_fields__]
 
@@ -100,7 +100,7 @@ def test_heading_error_of_a_flight_is_found_from_two_sides() -> None:
         shots.append(shot(str(index), at, Rotation.from_rotvec([0, 0, heading]).as_matrix() @ axes))
         sights.append(Sight(index, seen(at, axes, np.zeros(3)), "t"))
     estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
-    assert isinstance(estimate, Estimate)
+    assert isinstance(estimate, SightsEstimate)
     (found,) = [each for each in estimate.shared if each.error is SharedError.HEADING]
     assert found.value == pytest.approx(heading, abs=3.0 * found.sigma)
     assert np.linalg.norm(estimate.places[0].ned[:2]) < 1.0
@@ -116,7 +116,7 @@ def test_wrong_click_among_pictures_is_named() -> None:
         target = np.array([40.0, 0.0, 0.0]) if index == 2 else np.zeros(3)
         sights.append(Sight(index, seen(at, axes, target), "t"))
     estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
-    assert isinstance(estimate, Estimate)
+    assert isinstance(estimate, SightsEstimate)
     assert "2.jpg agrees least" in estimate.contradiction
     assert estimate.scaled_by > 1.5
 
@@ -127,7 +127,7 @@ def test_two_targets_in_one_picture_share_its_errors() -> None:
     targets = {"a": np.zeros(3), "b": np.array([0.0, 3.0, 0.0])}
     sights = [Sight(0, seen(at, axes, target), label) for label, target in targets.items()]
     estimate = locate([shot("0", at, axes)], sights, FlatSurface(0.0, 0.01), [tuple(SHARED)])
-    assert isinstance(estimate, Estimate)
+    assert isinstance(estimate, SightsEstimate)
     assert [place.label for place in estimate.places] == ["a", "b"]
     for place, target in zip(estimate.places, targets.values(), strict=True):
         assert place.ned == pytest.approx(tuple(target), abs=1e-3)

@@ -14,7 +14,7 @@ from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.tools.locate.shots import Estimate, Place, SharedError
+from fwav_companion.tools.locate.shots import SightsEstimate, Place, SharedError
 from fwav_companion.tools.locate.world import PictureWorld
 
 SHARE: Final = 0.95
@@ -88,7 +88,7 @@ class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     contradiction: str = ""
 
 
-def answers_from(estimate: Estimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:
+def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:
     """The answers in the order of the targets."""
     return PlaceAnswers(
         targets=[_answer(place, world, geoid) for place in estimate.places],

@@ -20,7 +20,7 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tools.locate.shots import (
     SHARED_COUNT,
     Budget,
-    Estimate,
+    SightsEstimate,
     Place,
     Residual,
     SharedError,
@@ -56,7 +56,7 @@ def locate(
     sights: Sequence[Sight],
     surface: Surface,
     shared_sigmas: Sequence[Sequence[float]],
-) -> Estimate | SightError:
+) -> SightsEstimate | SightError:
     """The places of all targets, in the order of their first sights.
 
     ``shared_sigmas``: for each group one sigma of each :class:`SharedError`.
@@ -185,7 +185,7 @@ class _Problem:
         down = float(self.state[self._target(index)][2])
         return min(down - float(c.centre[2]) for c in self.cameras if index in c.targets)
 
-    def result(self) -> Estimate:
+    def result(self) -> SightsEstimate:
         """The places, with the contradiction and its factor on all sigmas."""
         freedom = 2 * len(self.sights) - 2 * len(self.labels)
         scaled, contradiction = 1.0, ""
@@ -198,7 +198,7 @@ class _Problem:
                 f"{worst.shot.name} agrees least"
             )
         places = tuple(self._place(index, rows, scaled) for index in range(len(self.labels)))
-        return Estimate(places, self._shared_estimates(), contradiction, scaled)
+        return SightsEstimate(places, self._shared_estimates(), contradiction, scaled)
 
     def _place(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Place:
         at = self._target(index)

@@ -114,7 +114,7 @@ class SharedEstimate(msgspec.Struct, frozen=True):
     prior: float
 
 
-class Estimate(msgspec.Struct, frozen=True):
+class SightsEstimate(msgspec.Struct, frozen=True):
     """The places of all targets, and what the sights say about the shared errors."""
 
     places: tuple[Place, ...]
