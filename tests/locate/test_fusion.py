@@ -12,7 +12,7 @@ from scipy.stats import binom, chi2
 
 from fwav_companion.camera import BrownConrady
 from fwav_companion.tools.locate.estimate import SightError, locate
-from fwav_companion.tools.locate.shots import SightsEstimate, SharedError, Shot, Sight
+from fwav_companion.tools.locate.shots import SharedError, Shot, Sight, SightsEstimate
 from fwav_companion.tools.locate.surfaces import FlatSurface
 
 WIDTH, HEIGHT, FOCAL = 4000, 3000, 3000.0

@@ -14,7 +14,7 @@ from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.tools.locate.shots import SightsEstimate, Place, SharedError
+from fwav_companion.tools.locate.shots import Place, SharedError, SightsEstimate
 from fwav_companion.tools.locate.world import PictureWorld
 
 SHARE: Final = 0.95

@@ -20,13 +20,13 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tools.locate.shots import (
     SHARED_COUNT,
     Budget,
-    SightsEstimate,
     Place,
     Residual,
     SharedError,
     SharedEstimate,
     Shot,
     Sight,
+    SightsEstimate,
 )
 from fwav_companion.tools.locate.sight_rows import Array, Rows, SightCamera
 from fwav_companion.tools.locate.surfaces import Surface
