@@ -19,7 +19,7 @@ from fwav_companion.localization.covariance import (
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection, lowered
 from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
-from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff, VehicleState
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
 LARGEST_STRETCH = 0.15
 """Largest one sigma of the relative error of the ray's length by all angle errors; beyond it a fix is refused as too
@@ -103,12 +103,16 @@ class Localizer:
             if isinstance(rough_m, NoFix):
                 return rough_m
             propagation = self._with_level_doubt(propagation, hypot(meeting.level_doubt_m, rough_m))
-        errors = ErrorModel(propagation, noise, self._variances(sighting.state), meeting)
+        state = sighting.state
+        by_home = meeting.ground == "home"  # the other grounds are not known by the vehicle's height above home
+        height_bias_m = state.height_bias_m if by_home else None
+        variances = self._variances(state.position_bias_m, height_bias_m)
+        errors = ErrorModel(propagation, noise, variances, meeting)
         return GroundFix(
             sighting=sighting,
             position_ned=_point(meeting, direction),
             noise_cov=errors.noise_cov,
-            bias_jacobian=self._by_sensor(sighting.state, propagation.biases),
+            bias_jacobian=self._by_sensor(state.position_bias_m, height_bias_m, propagation.biases),
             errors=errors,
             ground=meeting.ground,
             level_sigma_m=errors.level_sigma_m,
@@ -156,14 +160,16 @@ class Localizer:
         level = meeting.normal[2] * sqrt(level_m2) / (descent * meeting.distance_m)
         return min(MOST_REACH, hypot(stretch, (1.0 - descent**2) * level))
 
-    def _by_sensor(self, state: VehicleState, columns: tuple[Vector3, ...]) -> tuple[Vector3, ...]:
+    def _by_sensor(
+        self, position_m: float | None, height_m: float | None, columns: tuple[Vector3, ...]
+    ) -> tuple[Vector3, ...]:
         """The columns of the biases; those of the position and of the height are scaled by the sensor's own sigma over
         the prior's.
         """
         scaled: list[Vector3] | None = None
         for sigma_m, biases in (
-            (state.position_bias_m, (Bias.POSITION_NORTH, Bias.POSITION_EAST)),
-            (state.height_bias_m, (Bias.HEIGHT,)),
+            (position_m, (Bias.POSITION_NORTH, Bias.POSITION_EAST)),
+            (height_m, (Bias.HEIGHT,)),
         ):
             prior_m = self._priors.sigma(biases[0])
             if sigma_m is None or sigma_m == prior_m or prior_m == 0.0:
@@ -173,9 +179,9 @@ class Localizer:
                 scaled[bias] = scale(columns[bias], sigma_m / prior_m)
         return columns if scaled is None else tuple(scaled)
 
-    def _variances(self, state: VehicleState) -> BiasVariances:
+    def _variances(self, position_m: float | None, height_m: float | None) -> BiasVariances:
         """The variances of the biases, those of the position and of the height by the sensor's own sigma if known."""
-        variances, position_m, height_m = self._bias, state.position_bias_m, state.height_bias_m
+        variances = self._bias
         if position_m is not None:
             variances = msgspec.structs.replace(variances, north=position_m * position_m, east=position_m * position_m)
         if height_m is not None and self._priors.sigma(Bias.HEIGHT):

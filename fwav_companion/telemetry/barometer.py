@@ -44,8 +44,7 @@ class Barometer:
     def __init__(self) -> None:
         self.source: str | None = None
         """The message in use; None before the first reading on the ground."""
-        self.starts_in_air = False
-        """Whether the vehicle was first received armed: there is no mean on the ground."""
+        self._first_heard_armed = False
         self._armed: bool | None = None
         self._ground_m: dict[str, float] = {}
         """Mean altitude on the ground by source, metres."""
@@ -53,12 +52,14 @@ class Barometer:
         """Instant of the last reading on the ground by source."""
         self._heard_ns: dict[str, BootNs] = {}
 
+    @property
+    def starts_in_air(self) -> bool:
+        """Whether readings come of a vehicle that was first received armed: there is no mean on the ground."""
+        return self._first_heard_armed and bool(self._heard_ns)
+
     def on_heartbeat(self, *, armed: bool) -> None:
         """Take whether the vehicle is armed."""
-        if self._armed is None and armed:
-            self.starts_in_air = True
-        elif not armed:
-            self.starts_in_air = False
+        self._first_heard_armed = armed and (self._armed is None or self._first_heard_armed)
         self._armed = armed
 
     def height_m(self, source: str, altitude_m: float, boot_ns: BootNs) -> float | None:
@@ -83,7 +84,7 @@ class Barometer:
 
     def clear(self) -> None:
         """Forget all instants and means: the autopilot has started again."""
-        self.source = None
+        self.source = self._armed = None
         for known in (self._ground_m, self._ground_ns, self._heard_ns):
             known.clear()
 

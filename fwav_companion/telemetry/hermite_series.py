@@ -110,18 +110,19 @@ class HermiteSeries:
 
 
 class RecentValues:
-    """The last 64 values of a quantity with their instants; a query returns the nearest."""
+    """The last 256 values of a quantity with their instants; a query returns the nearest."""
 
     __slots__ = ("_times", "_values")
 
-    KEPT = 64
+    KEPT = 256
+    """2.5 s of a rangefinder at 100 Hz: as late as a frame may be that steers a landing."""
 
     def __init__(self) -> None:
         self._times: list[BootNs] = []
         self._values: list[object] = []
 
     def insert(self, boot_ns: BootNs, value: object) -> None:
-        """Store a value, in any order; the oldest of more than 64 is dropped."""
+        """Store a value, in any order; the oldest of more than 256 is dropped."""
         index = bisect_right(self._times, boot_ns)
         self._times.insert(index, boot_ns)
         self._values.insert(index, value)

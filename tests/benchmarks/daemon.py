@@ -8,7 +8,6 @@ permissions allow it. ``python -m tests.benchmarks.daemon``
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import socket
@@ -23,7 +22,6 @@ from pathlib import Path
 from statistics import quantiles
 from typing import NamedTuple
 
-from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.scanner import Scanner
 from tests.benchmarks.figure import Figure
 from tests.benchmarks.startup import compiled, relay_configuration
@@ -31,9 +29,6 @@ from tests.benchmarks.startup import compiled, relay_configuration
 SETTLING_S = 8.0
 """Adoption, rates and clock, and the first targets confirmed."""
 MEASURED_S = 20.0
-NEAR_S = 0.02
-"""Upper limit of the difference between a LANDING_TARGET's capture and its frame's stamp (offsets and rows),
-seconds."""
 CPUCLOCK_SCHED = 2
 """Linux, posix-timers.h: with a process id, the id of that process's CPU clock. It counts nanoseconds; /proc counts
 hundredths of a second, of which a bare loop uses a dozen in a measurement."""
@@ -139,8 +134,8 @@ class Between:
         self.bare: tuple[str, int] | None = None
         """Address of the process that only forwards the autopilot's datagrams, in parallel with the daemon."""
         self.scanner = Scanner(datagrams=True)
-        self.stamps: dict[float, float] = {}
-        """Transmission times of frames to the daemon, Unix seconds, by their stamps."""
+        self.frame_sent_s: float | None = None
+        """Transmission time of the newest frame to the daemon, Unix seconds; None once it was answered."""
         self.latencies_s: list[float] = []
 
     def port(self, sock: socket.socket) -> int:
@@ -154,8 +149,7 @@ class Between:
             for ready in select.select(self.sockets[:3], [], [], left)[0]:
                 data, reported, _, address = ready.recvmsg(65536, ANCILLARY_BYTES)
                 if ready is self.frames:
-                    stamp = json.loads(data)["time_monotonic"]
-                    self.stamps[stamp] = time.time()
+                    self.frame_sent_s = time.time()
                     self.frames.sendto(data, detections)
                 elif ready is self.mock:
                     self.vehicle = address
@@ -172,13 +166,10 @@ class Between:
         for frame in self.scanner.feed(data):
             if frame.definition is None or frame.definition.name != "LANDING_TARGET":
                 continue
-            capture_s = decode(frame, "").fields.time_usec * 1e-6
-            stamp = min(self.stamps, key=lambda reported: abs(reported - capture_s), default=None)
-            if stamp is not None and abs(stamp - capture_s) < NEAR_S:
-                self.latencies_s.append(came_unix_s - self.stamps.pop(stamp))
-        now_s = time.monotonic()
-        for old in [stamp for stamp in self.stamps if stamp < now_s - 1.0]:
-            del self.stamps[old]
+            # Each frame has one message, whose time is that of a prediction: the newest frame is the answered one.
+            if self.frame_sent_s is not None:
+                self.latencies_s.append(came_unix_s - self.frame_sent_s)
+                self.frame_sent_s = None
 
 
 @contextmanager

@@ -256,6 +256,35 @@ def test_the_total_is_the_sum_of_its_named_parts(scene):
     assert fix.bias_jacobian[Bias.TERRAIN] == (0.0, 0.0, 0.0), "terrain_m counts only for an elevation model"
 
 
+def with_height_bias(scene: Scene, sigma_m: float | None):
+    """The sighting where a sensor states one sigma of the vehicle's height above home."""
+    sighting = scene.sighting()
+    return msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, height_bias_m=sigma_m))
+
+
+def test_barometers_sigma_replaces_the_prior_of_the_height_above_home():
+    """A height error moves the foot along the ground by its tangent, in every fix alike."""
+    scene, sigma_m = SCENES["relative"], 1.3
+    usual, by_barometer = (home().locate(with_height_bias(scene, each)) for each in (None, sigma_m))
+    column, prior_m = np.array(usual.bias_jacobian[Bias.HEIGHT])[:2], PRIORS.sigma(Bias.HEIGHT)
+    assert np.hypot(*column) == pytest.approx(np.hypot(*scene.target) / scene.height_m, rel=1e-6)
+    more = np.array(by_barometer.cov)[:2, :2] - np.array(usual.cov)[:2, :2]
+    assert more == pytest.approx((sigma_m**2 - prior_m**2) * np.outer(column, column), rel=1e-9, abs=1e-12)
+    assert by_barometer.noise_cov == usual.noise_cov, "it does not average out"
+    scaled = np.array(by_barometer.bias_jacobian[Bias.HEIGHT])[:2]
+    assert scaled == pytest.approx(column * sigma_m / prior_m)
+
+
+@pytest.mark.parametrize("ground", [FixedGround(40.0), RangefinderGround(0.05)], ids=["fixed", "rangefinder"])
+def test_barometers_sigma_does_not_count_where_another_sensor_shows_the_height(ground):
+    scene = Scene(roll_deg=6.0, pitch_deg=20.0, beam=(0.0, 0.0, 1.0), relative=True)
+    localizer = Localizer(ground, PRIORS, min_height_m=0.5)
+    usual, by_barometer = (localizer.locate(with_height_bias(scene, each)) for each in (None, 1.3))
+    assert usual.ground != "home"
+    assert by_barometer.cov == usual.cov
+    assert by_barometer.bias_jacobian == usual.bias_jacobian
+
+
 @pytest.mark.parametrize("on_gimbal", [False, True])
 @pytest.mark.parametrize("relative", [False, True])
 def test_the_total_by_a_rangefinder_is_the_sum_of_its_named_parts(relative, on_gimbal):

@@ -94,6 +94,21 @@ def test_flight_that_is_first_heard_in_the_air_has_no_barometric_height_and_says
     assert (report.height_source, report.barometer_starts_in_air) == (None, True)
 
 
+def test_flight_that_is_first_heard_in_the_air_without_a_barometer_blames_none() -> None:
+    flight = Flight(armed_at_s=0.0)
+    flight.fly(5.0)
+    assert not flight.autopilot.telemetry.status(flight.autopilot.host(flight.now_ms)).barometer_starts_in_air
+
+
+def test_flight_first_heard_in_the_air_has_its_barometric_height_after_it_was_disarmed() -> None:
+    flight = Flight("VFR_HUD", armed_at_s=0.0)
+    flight.fly(5.0, height_m=30.0)
+    flight.armed_at_s = 30.0
+    flight.fly(30.0)
+    flight.fly(40.0, height_m=9.0)
+    assert flight.state.height_above_home_m == pytest.approx(9.0, abs=0.3)
+
+
 def test_preferred_source_is_chosen_on_the_ground_and_kept_in_the_air() -> None:
     flight = Flight("SCALED_PRESSURE")
     flight.fly(10.0)

@@ -30,6 +30,8 @@ TRIM_STAYS_ON: Final = 1 << 8
 """FLIGHT_OPTIONS bit 8 (ArduPlane): the pitch in ATTITUDE keeps the trim, and is then the true pitch."""
 SWING_MATTERS, SWING_UNKNOWN = 0.01, 0.5
 """Attitude swing, rad: below the first a vehicle needs no fast attitudes; at the second the stream does not show it."""
+HEIGHT_OF_MODEL: Final = {"fixed": "[ground] height_m", "rangefinder": "the rangefinder"}
+"""What shows the height on the grounds that need no height above home."""
 LONG_ROUND_TRIP_S: Final = 0.05
 """Round trip from which it is reported. It bounds the clock's error by its half: at 5 Hz and 5 deg of flapping, 25 ms
 are 3 deg."""
@@ -62,7 +64,7 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     yield from _attitude(evidence, status, where)
     yield from _parameters(evidence, status, where)
     yield from _position(evidence, status, where)
-    yield from _height(status, where)
+    yield from _height(evidence, status, where)
     yield from _clock(evidence, status)
 
 
@@ -232,9 +234,11 @@ def _trim_deg(parameters: Mapping[str, float]) -> float:
     return parameters.get("PTCH_TRIM_DEG", parameters.get("TRIM_PITCH_CD", 0.0) / 100.0)
 
 
-def _height(status: RunStatus, where: str) -> Iterator[Finding]:
+def _height(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
     """Report a height that a barometer alone shows, and a barometer that cannot show it."""
     telemetry = status.telemetry
+    if evidence.config.ground.model in HEIGHT_OF_MODEL:
+        return
     if telemetry.height_source is not None and telemetry.height_source.startswith("barometer"):
         yield Finding(
             "height_barometric",
@@ -253,16 +257,31 @@ def _height(status: RunStatus, where: str) -> Iterator[Finding]:
         )
 
 
+def _height_source(evidence: Evidence, status: RunStatus) -> str:
+    """Return what shows the height above the ground in a world without a global position."""
+    source = HEIGHT_OF_MODEL.get(evidence.config.ground.model, status.telemetry.height_source)
+    return "no height yet" if source is None else f"height by {source}"
+
+
 def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
     relative = status.telemetry.relative_world
-    if evidence.config.vehicle.position != "auto" or status.origin is not None:
+    if status.origin is not None:
         return
-    if relative or status.adopted_s >= MEASURED_S:
+    if evidence.config.vehicle.position == "none" and evidence.config.localizes:
+        yield Finding(
+            "below_camera_only",
+            Level.NOTE,
+            where,
+            problem=f"localizes below the camera only, as configured; {_height_source(evidence, status)}",
+            fix='[vehicle] position = "auto" where the autopilot knows its position',
+        )
+    elif evidence.config.vehicle.position == "auto" and (relative or status.adopted_s >= MEASURED_S):
         yield Finding(
             "no_position",
             Level.WARNING,
             where,
-            problem="no global position came: localizes below the camera only, targets are relative to the vehicle"
+            problem="no global position came: localizes below the camera only, targets are relative to the vehicle; "
+            f"{_height_source(evidence, status)}"
             if relative
             else "no global position yet",
             fix='wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',

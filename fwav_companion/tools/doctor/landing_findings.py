@@ -25,6 +25,8 @@ FULL_TURN_CDEG: Final = 36_000.0
 SMALL_M: Final = 0.005
 NO_TARGET: Final = "no_target"
 """Reason of an attempt without a target, which is usual before a landing."""
+LATE_S: Final = 0.5
+"""Age of a stamp at the arrival of its frame from which it is reported: without a landing it would be refused."""
 LEAST_WITHHELD: Final = 5
 """Withheld messages from which they are reported: a second without frames has five."""
 WITHHELD_FIXES: Final = {
@@ -51,7 +53,21 @@ def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]
         yield from _turned(status.parameters)
         yield from _moved(status.parameters)
     yield from _label(evidence, status)
+    yield from _late(status)
     yield from _withheld(evidence, status.publishing.landing)
+
+
+def _late(status: RunStatus) -> Iterator[Finding]:
+    """Report frames that are used for a landing although they come late: their stamps may be wrong instead."""
+    ages_s = status.seen.heard.stamp_ages_s
+    if ages_s and ages_s[-1] > LATE_S:
+        yield Finding(
+            "landing_camera_late",
+            Level.WARNING,
+            WHERE,
+            problem=f"frames arrive {ages_s[-1]:.1f} s after their stamps: LANDING_TARGET is predicted over this time",
+            fix="a faster detector or a smaller image; check that the stamp is that of the capture",
+        )
 
 
 def _withheld(evidence: Evidence, landing: LandingReport) -> Iterator[Finding]:

@@ -257,6 +257,48 @@ def test_landing_target_that_is_withheld_is_named_with_the_counts_of_each_reason
     assert "landing_max_sigma_m" in finding.fix
 
 
+def test_landing_frames_that_come_late_are_used_and_named_since_their_stamps_may_be_wrong():
+    landing = [LANDING[0], LANDING[1], "publish.landing_max_sigma_m=5"]
+    late = heard(HEALTHY, landing, frame=lambda frame: frame | {"time_monotonic": frame["time_monotonic"] - 1.0})
+    finding = next(each for each in examine(late) if each.code == "landing_camera_late")
+    assert finding.level is Level.WARNING
+    assert "1.0 s after their stamps" in finding.problem
+    assert late.status.fixes > 100
+    assert "too_late" not in late.status.dropped
+    assert "landing_camera_late" not in found(heard(HEALTHY, landing))
+
+
+GROUNDS = {
+    "rangefinder": (["ground.model=rangefinder"], "height by the rangefinder"),
+    "fixed": (["ground.model=fixed", "ground.height_m=10"], "height by [ground] height_m"),
+    "home": ([], "height by GLOBAL_POSITION_INT"),
+}
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+def test_vehicle_without_a_position_localizes_below_the_camera_only_by_a_named_height(ground):
+    settings, height = GROUNDS[ground]
+    evidence = heard(HEALTHY.but({"autopilot.gps": False}), settings)
+    later = msgspec.structs.replace(evidence.status.telemetry, relative_world=True)  # ten seconds after the start
+    evidence = msgspec.structs.replace(evidence, status=msgspec.structs.replace(evidence.status, telemetry=later))
+    finding = next(each for each in examine(evidence) if each.code == "no_position")
+    assert "localizes below the camera only" in finding.problem
+    assert finding.problem.endswith(height)
+
+
+def test_vehicle_whose_position_is_not_used_on_purpose_is_noted_with_its_height():
+    (finding,) = examine(heard(HEALTHY, ["vehicle.position=none", "ground.model=rangefinder"]))
+    assert (finding.code, finding.level) == ("below_camera_only", Level.NOTE)
+    assert finding.problem == "localizes below the camera only, as configured; height by the rangefinder"
+
+
+def test_barometer_that_cannot_be_used_is_not_named_where_another_sensor_shows_the_height():
+    evidence = heard(HEALTHY, ["ground.model=rangefinder"])
+    changed = msgspec.structs.replace(evidence.status.telemetry, height_source=None, barometer_starts_in_air=True)
+    status = msgspec.structs.replace(evidence.status, telemetry=changed)
+    assert examine(msgspec.structs.replace(evidence, status=status)) == []
+
+
 @pytest.mark.parametrize(
     ("telemetry", "code", "level"),
     [
