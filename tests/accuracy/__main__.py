@@ -24,11 +24,10 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import msgspec
 from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
 
-from tests.accuracy.flights import ESTIMATORS, seeds_of
+from tests.accuracy.flights import COUNTED, ESTIMATORS, instructions_m, scored, seeds_of
 from tests.accuracy.kinds import NAMES, RANDOM, RANDOM_FLIGHTS
 from tests.accuracy.scores import FlightScore
 from tests.accuracy.table import Run, comparison_table, run_table
-from tests.accuracy.work import COUNTED, instructions_m, scored
 
 Task = tuple[str, int, str, Path, int]
 """Kind, seed, estimator, folder of recordings, seed of the random configurations."""
@@ -126,8 +125,8 @@ def _commit() -> str:
 
 def _readable(run: Run) -> bytes:
     """JSON with a line for each flight, figures to four digits."""
-    built = msgspec.to_builtins(run)
-    return msgspec.json.format(msgspec.json.encode(_rounded(built)), indent=0) + b"\n"
+    encoded = msgspec.json.encode(_rounded(msgspec.to_builtins(run)))
+    return encoded.replace(b'{"seed"', b'\n{"seed"') + b"\n"
 
 
 def _rounded(value: object) -> object:

@@ -2,15 +2,23 @@
 
 The same kind and seed give the same bytes, whatever estimator replays them. A recording's folder is named by a digest
 of the flight's options and of the mock's own source, so that none outlives a change.
+
+``python -m tests.accuracy.flights KIND ESTIMATOR FOLDER SECONDS`` is what callgrind counts; with 0 s it only reads.
 """
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
+import os
+import re
+import subprocess
+import sys
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -33,6 +41,7 @@ from sitl_mock.recording import Recorded
 from sitl_mock.scenarios import scenario
 from sitl_mock.simulate import Event
 from tests.accuracy.kinds import KINDS, RANDOM, SURVEY_SIGMA_M, Kind, stated
+from tests.accuracy.scores import FlightScore, Tracks
 from tests.studies.drawn_configurations import drawn_plan
 from tests.support.configured_links import AUTOPILOT
 from tests.support.surface_tiles import surface_tile
@@ -51,6 +60,9 @@ principal_point: [320.0, 240.0]
 """
 CONFIGURATION = f'{AUTOPILOT}[camera]\ncalibration = "camera.yaml"\n'
 SEEN = "seen.json"
+COUNTED = ("eight_late_and_crooked", "orbit_1", "targets_10", "photographs")
+COUNTED_S = 20.0
+"""Kinds and time whose instructions are counted."""
 FEW_PICTURES = 4
 """Fewest pictures with a target in view that count it as one to be found."""
 
@@ -169,3 +181,50 @@ def replayed(plan: Plan, recording: Recording, estimator: str) -> Iterator[Line]
     read = read_recording(recording.telemetry, recording.detections, own_components(config), config.vehicle.system_id)
     elevation: Sequence[ElevationTile] = (surface_tile(Simulation(plan.options)),) if plan.has_surface else ()
     return replay(read, config, plan.calibration, elevation=elevation)
+
+
+def scored(kind: str, seed: int, estimator: str, folder: Path, random_seed: int = 1) -> FlightScore:
+    """The score of one flight. Its CPU seconds are those of the replay, without reading the recording."""
+    plan = plan_of(kind, seed, random_seed)
+    recording = recording_of(plan, folder)
+    lines = replayed(plan, recording, estimator)
+    gc.collect()
+    begun_s = time.process_time()
+    kept = [line for line in lines if line["type"] in ("target", "calibration")]
+    cpu_s = time.process_time() - begun_s
+    tracks = Tracks(Simulation(plan.options), plan.landmarks)
+    for line in kept:
+        tracks.add(line)
+    return tracks.score(recording.in_view, recording.first_seen_s, cpu_s=cpu_s, seed=seed)
+
+
+def instructions_m(kind: str, estimator: str, folder: Path) -> float:
+    """Million instructions a flight second: the first 20 s replayed, less a run that only reads them."""
+    whole, only_read = (_counted(kind, estimator, folder, seconds) for seconds in (COUNTED_S, 0.0))
+    return (whole - only_read) / COUNTED_S / 1e6
+
+
+def _counted(kind: str, estimator: str, folder: Path, seconds: float) -> int:
+    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", sys.executable, "-m",
+               "tests.accuracy.flights", kind, estimator, str(folder), str(seconds)]  # fmt: skip
+    done = subprocess.run(
+        command, env={**os.environ, "PYTHONHASHSEED": "0"}, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    match = re.search(r"Collected : (\d+)", done.stderr)
+    if done.returncode or match is None:
+        raise RuntimeError(f"callgrind: {done.stderr[-500:]}")
+    return int(match[1])
+
+
+def replay_first_part(kind: str, estimator: str, folder: str, seconds: float) -> None:
+    """Replays the first part of a kind's first flight."""
+    plan = plan_of(kind, 1)
+    short = replace(plan, name=f"{plan.name}-short", options=plan.options.but({"seconds": COUNTED_S}))
+    for line in replayed(short, recording_of(short, Path(folder)), estimator):
+        if not seconds:
+            break
+        del line
+
+
+if __name__ == "__main__":
+    replay_first_part(sys.argv[1], sys.argv[2], sys.argv[3], float(sys.argv[4]))

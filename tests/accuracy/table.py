@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import comb, inf, isfinite, sqrt
+from collections.abc import Callable, Sequence
+from math import comb, inf, isfinite
 from statistics import mean, median
 from typing import NamedTuple
 
 import msgspec
 
-from tests.accuracy.scores import FlightScore, KindScore, kind_score
+from tests.accuracy.scores import FlightScore, root_mean_square
 
 MOST_RATIO, MOST_MORE_M = 1.10, 0.003
 """A kind is as good as before within either."""
@@ -93,8 +93,8 @@ def _common(one: FlightScore, other: FlightScore) -> tuple[float, float] | None:
     ]
     if not pairs:
         return None
-    a, b = (sqrt(mean(value * value for value in values)) for values in zip(*pairs, strict=True))
-    return a, b
+    ours, theirs = zip(*pairs, strict=True)
+    return root_mean_square(ours), root_mean_square(theirs)
 
 
 def run_table(run: Run) -> str:
@@ -105,7 +105,7 @@ def run_table(run: Run) -> str:
         *_head("kind", "flights", "relative m", "absolute m", "squares, relative", "squares, absolute", "inside %",
                "calibrated", "missed", "ghosts", "CPU s", "work"),
     ]  # fmt: skip
-    lines += [_row(name, kind_score(flights), run.instructions_m.get(name)) for name, flights in run.kinds.items()]
+    lines += [_row(name, flights, run.instructions_m.get(name)) for name, flights in run.kinds.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -113,20 +113,30 @@ def _head(*names: str) -> tuple[str, str]:
     return f"| {' | '.join(names)} |", "|---" * len(names) + "|"
 
 
-def _row(name: str, kind: KindScore, work_m: float | None) -> str:
-    answered = f"{kind.flights}" if kind.answered == kind.flights else f"{kind.answered} of {kind.flights}"
-    after = f", {kind.calibrated_s:.0f} s" if isfinite(kind.calibrated_s) else ""
+def _row(name: str, flights: Sequence[FlightScore], work_m: float | None) -> str:
+    relative = [each.relative for each in flights if each.relative]
+    absolute = [each.absolute for each in flights if each.absolute]
+    after_s = sorted(inf if each.calibrated_s is None else each.calibrated_s for each in flights)
+    calibrated = sum(map(isfinite, after_s))
+    in_the_middle = f", {median(after_s):.0f} s" if isfinite(median(after_s)) else ""
     cells = [
-        name.replace("_", " "), answered, _pair(kind.relative_m, ".3f"), _pair(kind.absolute_m, ".3f"),
-        _pair(kind.relative_square, ".2g"), _pair(kind.absolute_square, ".2g"),
-        f"{100 * kind.relative_inside:.0f} / {100 * kind.absolute_inside:.0f}", f"{kind.calibrated}{after}",
-        f"{kind.missed} of {kind.targets}", f"{kind.ghosts}", f"{kind.cpu_s:.1f}", f"{work_m:.0f}" if work_m else "",
-    ]  # fmt: skip
+        name.replace("_", " "),
+        f"{len(flights)}" if len(relative) == len(flights) else f"{len(relative)} of {len(flights)}",
+        *(_pair(median, [each.rms_m for each in errors], ".3f") for errors in (relative, absolute)),
+        *(_pair(mean, [each.square for each in errors], ".2g") for errors in (relative, absolute)),
+        " / ".join(f"{100 * mean(each.inside for each in errors):.0f}" for errors in (relative, absolute) if errors),
+        f"{calibrated}{in_the_middle}",
+        f"{sum(each.missed for each in flights)} of {sum(each.targets for each in flights)}",
+        f"{sum(each.ghosts for each in flights)}",
+        f"{sum(each.cpu_s for each in flights):.1f}",
+        f"{work_m:.0f}" if work_m else "",
+    ]
     return f"| {' | '.join(cells)} |"
 
 
-def _pair(values: tuple[float, float], form: str) -> str:
-    return " / ".join(f"{value:.0f}" if value >= 100 else f"{value:{form}}" for value in values)
+def _pair(middle: Callable[[Sequence[float]], float], values: Sequence[float], form: str) -> str:
+    found = (middle(values), max(values)) if values else ()
+    return " / ".join(f"{value:.0f}" if value >= 100 else f"{value:{form}}" for value in found)
 
 
 def comparison_table(before: Run, after: Run) -> str:
@@ -138,13 +148,16 @@ def comparison_table(before: Run, after: Run) -> str:
     ]  # fmt: skip
     for name in before.kinds:
         if name in after.kinds and (pair := paired(before.kinds[name], after.kinds[name])) is not None:
-            one, two = kind_score(before.kinds[name]), kind_score(after.kinds[name])
+            both = (before.kinds[name], after.kinds[name])
+            squares = [mean(each.relative.square for each in flights if each.relative) for flights in both]
             work = [f"{run.instructions_m[name]:.0f}" for run in (before, after) if name in run.instructions_m]
             cells = [
                 name.replace("_", " "), f"{pair.flights}", f"{pair.before_m:.3f}", f"{pair.after_m:.3f}",
                 f"{pair.ratio:.2f}", f"{pair.low:.2f} to {pair.high:.2f}", "yes" if pair.is_kept else "**no**",
-                f"{one.relative_square[0]:.2g}, {two.relative_square[0]:.2g}", f"{one.missed}, {two.missed}",
-                f"{one.ghosts}, {two.ghosts}", f"{one.cpu_s:.1f}, {two.cpu_s:.1f}", ", ".join(work),
+                ", ".join(f"{square:.2g}" for square in squares),
+                ", ".join(f"{sum(each.missed for each in flights)}" for flights in both),
+                ", ".join(f"{sum(each.ghosts for each in flights)}" for flights in both),
+                ", ".join(f"{sum(each.cpu_s for each in flights):.1f}" for flights in both), ", ".join(work),
             ]  # fmt: skip
             lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
