@@ -1,4 +1,4 @@
-"""The bounded set of sightings that every solve linearises anew, and how it is thinned.
+"""The bounded set of sightings that every solve linearises again, and how it is thinned.
 
 Sums of information of old sightings were tried: each was linearised at the calibration of its time, and adding sums of
 different linearisation points creates information in directions that no sighting observes.

@@ -9,7 +9,7 @@ VELOCITY_SIGMA_M_S = 0.05
 VELOCITY_NOISE = VELOCITY_SIGMA_M_S**2 * 0.1  # m^2/s
 _LEAST_NOISE_M = 0.004  # GLOBAL_POSITION_INT has steps of 1.1 cm: a third of one
 _FORGIVEN_M = 0.05  # added to every expected innovation: steps of the format and of slow telemetry
-_OPEN_M2 = 1e4  # variance after a step: the filter starts there anew
+_OPEN_M2 = 1e4  # variance after a step: the filter restarts there
 _MOST = 8192  # samples held; half of them go at once
 
 

@@ -18,7 +18,7 @@ from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKern
 
 _FIRST_ITERATIONS, _FIRST_FINE, _ITERATIONS = 3, 6, 2
 _ENOUGH = 0.5  # squared length of a step, in standard deviations, that ends the iterations
-_FAR_S, _FAR_SIGMAS = 0.006, 3.0  # a delay found by a search that is further away starts the estimate anew
+_FAR_S, _FAR_SIGMAS = 0.006, 3.0  # a delay found by a search that is further away restarts the estimate
 
 
 @dataclass(frozen=True)

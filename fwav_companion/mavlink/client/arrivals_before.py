@@ -46,7 +46,7 @@ class ArrivalsBefore:
         self._senders.clear()
 
     def restart(self, now: HostNs) -> None:
-        """Count anew, after a reboot."""
+        """Restart the counts, after a reboot."""
         self._since_ns, self._counts = now, Counter()
 
     def count(self, name: str) -> None:

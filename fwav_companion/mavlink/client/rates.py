@@ -29,7 +29,7 @@ SILENT_NS = 600 * NS_PER_MS
 are missing; a station's request leaves at least a few messages a second, so silence of this length means that the
 link failed."""
 LOST_NS = 2 * NS_PER_S
-"""Silence of the autopilot after which the rates are measured anew: two missed heartbeats."""
+"""Silence of the autopilot after which the rates are measured again: two missed heartbeats."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 GATE_NS = 50 * NS_PER_MS
 """Interval at which a closed gate is tried again."""

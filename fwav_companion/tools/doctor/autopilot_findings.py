@@ -8,6 +8,7 @@ from typing import Final
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.position_findings import position_findings
 from fwav_companion.tools.doctor.rate_findings import (
     ATTITUDES,
     ATTITUDES_A_SWING,
@@ -30,8 +31,6 @@ TRIM_STAYS_ON: Final = 1 << 8
 """FLIGHT_OPTIONS bit 8 (ArduPlane): the pitch in ATTITUDE keeps the trim, and is then the true pitch."""
 SWING_MATTERS, SWING_UNKNOWN = 0.01, 0.5
 """Attitude swing, rad: below the first a vehicle needs no fast attitudes; at the second the stream does not show it."""
-HEIGHT_OF_MODEL: Final = {"fixed": "[ground] height_m", "rangefinder": "the rangefinder"}
-"""What shows the height on the grounds that need no height above home."""
 LONG_ROUND_TRIP_S: Final = 0.05
 """Round trip from which it is reported. It bounds the clock's error by its half: at 5 Hz and 5 deg of flapping, 25 ms
 are 3 deg."""
@@ -63,8 +62,7 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     yield from _neighbours(evidence, status, status.autopilot.system)
     yield from _attitude(evidence, status, where)
     yield from _parameters(evidence, status, where)
-    yield from _position(evidence, status, where)
-    yield from _height(evidence, status, where)
+    yield from position_findings(evidence, status, where)
     yield from _clock(evidence, status)
 
 
@@ -232,60 +230,6 @@ def _parameters(evidence: Evidence, status: RunStatus, where: str) -> Iterator[F
 
 def _trim_deg(parameters: Mapping[str, float]) -> float:
     return parameters.get("PTCH_TRIM_DEG", parameters.get("TRIM_PITCH_CD", 0.0) / 100.0)
-
-
-def _height(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
-    """Report a height that a barometer alone shows, and a barometer that cannot show it."""
-    telemetry = status.telemetry
-    if evidence.config.ground.model in HEIGHT_OF_MODEL:
-        return
-    if telemetry.height_source is not None and telemetry.height_source.startswith("barometer"):
-        yield Finding(
-            "height_barometric",
-            Level.NOTE,
-            where,
-            problem=f"the height is that of the {telemetry.height_source}: 1 m (one sigma), 1 m more in 10 min",
-            fix='a rangefinder with [ground] model = "rangefinder" where this is too coarse',
-        )
-    elif telemetry.height_source is None and telemetry.barometer_starts_in_air:
-        yield Finding(
-            "height_starts_in_air",
-            Level.WARNING,
-            where,
-            problem="no height: the vehicle was first heard armed, so that its barometer has no mean on the ground",
-            fix='start the service before arming; or a rangefinder, or [ground] model = "fixed"',
-        )
-
-
-def _height_source(evidence: Evidence, status: RunStatus) -> str:
-    """Return what shows the height above the ground in a world without a global position."""
-    source = HEIGHT_OF_MODEL.get(evidence.config.ground.model, status.telemetry.height_source)
-    return "no height yet" if source is None else f"height by {source}"
-
-
-def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
-    relative = status.telemetry.relative_world
-    if status.origin is not None:
-        return
-    if evidence.config.vehicle.position == "none" and evidence.config.localizes:
-        yield Finding(
-            "below_camera_only",
-            Level.NOTE,
-            where,
-            problem=f"localizes below the camera only, as configured; {_height_source(evidence, status)}",
-            fix='[vehicle] position = "auto" where the autopilot knows its position',
-        )
-    elif evidence.config.vehicle.position == "auto" and (relative or status.adopted_s >= MEASURED_S):
-        yield Finding(
-            "no_position",
-            Level.WARNING,
-            where,
-            problem="no global position came: localizes below the camera only, targets are relative to the vehicle; "
-            f"{_height_source(evidence, status)}"
-            if relative
-            else "no global position yet",
-            fix='wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
-        )
 
 
 def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:

@@ -77,14 +77,14 @@ def _withheld(evidence: Evidence, landing: LandingReport) -> Iterator[Finding]:
     if withheld < LEAST_WITHHELD:
         return
     ordered = sorted(counts, key=lambda reason: (-counts[reason], reason))
-    told = ", ".join(f"{reason} {counts[reason]}" for reason in ordered)
+    counted = ", ".join(f"{reason} {counts[reason]}" for reason in ordered)
     if landing.sigma_m is not None:
-        told += f"; newest claim {landing.sigma_m:.2f} m, limit {evidence.config.publish.landing_max_sigma_m:g}"
+        counted += f"; newest claim {landing.sigma_m:.2f} m, limit {evidence.config.publish.landing_max_sigma_m:g}"
     yield Finding(
         "landing_withheld",
         Level.WARNING,
         WHERE,
-        problem=f"LANDING_TARGET was withheld {withheld} times, sent {landing.sent} times: {told}",
+        problem=f"LANDING_TARGET was withheld {withheld} times, sent {landing.sent} times: {counted}",
         fix=WITHHELD_FIXES.get(ordered[0], WITHHELD_FIXES["too_uncertain"]),
     )
 
