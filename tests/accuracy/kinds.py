@@ -76,7 +76,7 @@ class Kind:
     errors: str = "drawn"
     differences: dict[str, Any] = field(default_factory=dict)
     settings: tuple[str, ...] = ()
-    """``KEY=VALUE`` of the replay beyond the stated sigmas."""
+    """``KEY=VALUE`` of the replay after the stated sigmas: a position that shifts is not stated as exact."""
     marks: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Landmarks, and by how much their survey is wrong beyond its sigma: north, east, metres."""
     has_surface: bool = False
@@ -122,7 +122,7 @@ KINDS: dict[str, Kind] = {
              "priors.position_noise_m": 0.02}),
         Kind("descent_exact", "descent", "exact"),
         Kind("descent_wander", "descent_wander", "wander"),
-        Kind("descent_jump", "descent_shift", "exact"),
+        Kind("descent_jump", "descent_shift", "exact", settings=("uncertainty.position_bias_m=auto",)),
         Kind("hover_1", HOVER, "wander", {"targets": HOVERED[:1]}),
         Kind("hover_5", HOVER, "wander", {"targets": HOVERED}),
         Kind("orbit_1", "default", "wander"),

@@ -1,13 +1,15 @@
 """Errors of an estimator's public lines against the mock's truth. PURE.
 
-Confirmed and coasting targets count, at the instants of their lines, from 30 % of the flight on. ``relative`` is target
-minus vehicle, horizontal: the common error of the vehicle's position is no part of it.
+Confirmed and coasting targets count from 30 % of the flight on, each second as much as the next, whether a target was
+seen in it or not: lines of a target in view come with every picture, of another once a second. ``relative`` is
+target minus vehicle, horizontal: the common error of the vehicle's position is no part of it.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from math import hypot, sqrt
+from math import ceil, hypot, sqrt
 from statistics import mean
 
 import msgspec
@@ -20,6 +22,10 @@ from sitl_mock.earth import Place
 
 ANSWERS = ("confirmed", "coasting")
 SETTLED_SHARE = 0.3
+STEP_S = 0.1
+"""Between two instants at which the latest line counts."""
+HELD_S, HELD_PICTURES = 1.5, 1.5
+"""Age of the latest line beyond which there is no answer, the longer of the two: seconds, and pictures."""
 CELLS = 20
 """Parts of the scored flight in which two estimators are compared."""
 MOST_SQUARES = 1e6
@@ -30,9 +36,11 @@ class Sample(msgspec.Struct, frozen=True):
     """One line of a target against one true target."""
 
     flight_s: float
-    frame: int
+    """Instant of the line."""
     relative: ErrorSample
     absolute: ErrorSample
+    at_s: float = 0.0
+    """Instant at which it is the latest."""
 
 
 class Errors(msgspec.Struct, frozen=True):
@@ -100,7 +108,7 @@ class Tracks:
                     vehicle[0] + relative["north"] - north, vehicle[1] + relative["east"] - east, relative["cov"]
                 )
                 by_earth = _error(place[0] - north, place[1] - east, line["cov"])
-                found[index] = Sample(at_s, line["frame"], by_vehicle, by_earth)
+                found[index] = Sample(at_s, by_vehicle, by_earth)
         return found
 
     def matched(self) -> tuple[dict[int, list[Sample]], int]:
@@ -127,6 +135,19 @@ class Tracks:
         }
         return samples, len(self.samples) - len(placed)
 
+    def answers(self, samples: Sequence[Sample], begin_s: float) -> list[Sample]:
+        """The latest sample of a target at each instant from ``begin_s`` to the end of the flight, where there is
+        one.
+        """
+        options, found = self._mock.options, []
+        held_s = max(HELD_S, HELD_PICTURES / options.camera.fps)
+        times = [sample.flight_s for sample in samples]
+        for tick in range(ceil(begin_s / STEP_S), int(options.seconds / STEP_S) + 1):
+            latest = bisect_right(times, tick * STEP_S) - 1
+            if latest >= 0 and tick * STEP_S - times[latest] <= held_s:
+                found.append(msgspec.structs.replace(samples[latest], at_s=tick * STEP_S))
+        return found
+
     def _overlap(self, one: int, other: int) -> bool:
         (a, b), (c, d) = (
             [next(iter(self.samples[track][end].values())).flight_s for end in (0, -1)] for track in (one, other)
@@ -138,7 +159,7 @@ class Tracks:
         by_target, ghosts = self.matched()
         options, wanted = self._mock.options, set(in_view).intersection(self.targets)
         begin_s = SETTLED_SHARE * options.seconds
-        settled = {index: [s for s in each if s.flight_s >= begin_s] for index, each in sorted(by_target.items())}
+        settled = {index: self.answers(each, begin_s) for index, each in sorted(by_target.items())}
         samples = [sample for each in settled.values() for sample in each]
         calibrated_s = None
         if self.calibrated_s is not None and first_seen_s is not None:
@@ -152,7 +173,7 @@ class Tracks:
             absolute=_errors([sample.absolute for sample in samples]),
             calibrated_s=calibrated_s,
             cpu_s=cpu_s,
-            cells={str(k): _cells(each, options.seconds * options.camera.fps) for k, each in settled.items()},
+            cells={str(k): _cells(each, options.seconds) for k, each in settled.items()},
         )
 
 
@@ -171,11 +192,10 @@ def _errors(samples: Sequence[ErrorSample]) -> Errors | None:
     )
 
 
-def _cells(samples: Sequence[Sample], frames: float) -> list[float | None]:
-    """By the frame's number, which is the same for every estimator."""
+def _cells(samples: Sequence[Sample], seconds: float) -> list[float | None]:
     parts: list[list[float]] = [[] for _ in range(CELLS)]
     for sample in samples:
-        share = (sample.frame / frames - SETTLED_SHARE) / (1.0 - SETTLED_SHARE)
+        share = (sample.at_s / seconds - SETTLED_SHARE) / (1.0 - SETTLED_SHARE)
         parts[min(CELLS - 1, max(0, int(share * CELLS)))].append(sample.relative.error_m)
     return [root_mean_square(part) if part else None for part in parts]
 

@@ -14,10 +14,10 @@ from tests.accuracy.scores import FlightScore, root_mean_square
 MOST_RATIO, MOST_MORE_M = 1.10, 0.003
 """A kind is as good as before within either."""
 SHARE = 0.8
-EXPLAINED = """Errors: root mean square over the targets' public lines from 30 %
-of the flight on, median / worst flight. Squares: normalised, mean / worst flight; 2 is honest. Inside: share within the
-claimed 95 %, relative / absolute. Calibrated: flights, median seconds from first sight. Work: million instructions a
-flight second of the first 20 s, whole replay. Made by `python -m tests.accuracy --out FILE`."""
+EXPLAINED = """Errors: root mean square of the targets' public answers over the time
+from 30 % of the flight on, median / worst flight. Squares: normalised, mean / worst flight; 2 is honest. Inside: share
+within the claimed 95 %, relative / absolute. Calibrated: flights, median seconds from first sight. Work: million
+instructions a flight second of the first 20 s, whole replay. Made by `python -m tests.accuracy --out FILE`."""
 COMPARED = f"""Relative errors, medians of the flights in metres, over the instants that both have; the median of the
 flights' ratios with its {SHARE:.0%} interval. Kept: a ratio of at most {MOST_RATIO:.2f}, or {1e3 * MOST_MORE_M:.0f} mm
 more. Squares: normalised, relative, mean of the flights."""

@@ -19,7 +19,9 @@ def test_stated_sigmas_are_those_that_the_mock_draws_from():
     config = parse(plan.text, "flight.toml", plan.settings)
     assert config.uncertainty.time_offset_sigma_s == plan.options.priors.time_offset_sigma_s == 0.05
     assert config.uncertainty.position_bias_m == 0.0
-    assert parse(plan_of("orbit_1", 1).text, "flight.toml").uncertainty.position_bias_m == "auto"
+    for name in ("orbit_1", "descent_jump"):
+        plan = plan_of(name, 1)
+        assert parse(plan.text, "flight.toml", plan.settings).uncertainty.position_bias_m == "auto"
 
 
 def test_recording_is_the_same_bytes_for_the_same_seed_and_is_read_back(tmp_path, monkeypatch):

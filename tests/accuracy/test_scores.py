@@ -63,7 +63,7 @@ def test_claims_are_as_good_as_drawn_errors(mock):
     rng = np.random.default_rng(3)
     cov = np.array([[0.09, 0.03], [0.03, 0.04]])
     claimed = [[0.09, 0.03, 0.0], [0.03, 0.04, 0.0], [0.0, 0.0, 1.0]]
-    times = np.linspace(13.0, 39.0, 4000)
+    times = np.arange(12.0, 39.95, 0.1) + 0.03
     drawn = rng.multivariate_normal((0.0, 0.0), cov, len(times))
     found = score(mock, [line(mock, t, 0, e, 2.0 * e, cov=claimed) for t, e in zip(times, drawn, strict=True)])
     low, high = chi2.ppf([0.0005, 0.9995], 2 * len(times)) / len(times)
@@ -75,10 +75,19 @@ def test_claims_are_as_good_as_drawn_errors(mock):
 
 
 def test_only_answers_after_thirty_percent_of_the_flight_count(mock):
-    early = [line(mock, 11.9, 0, (5.0, 0.0)), line(mock, 20.0, 0, (9.0, 0.0), state="tentative")]
+    early = [line(mock, 10.4, 0, (5.0, 0.0)), line(mock, 20.0, 0, (9.0, 0.0), state="tentative")]
     assert score(mock, early).relative is None
     both = [*early, line(mock, 12.1, 0, (0.1, 0.0)), line(mock, 20.0, 0, (0.1, 0.0), state="coasting")]
     assert score(mock, both).relative.rms_m == pytest.approx(0.1, abs=1e-6)
+
+
+def test_seconds_without_a_sight_count_as_much_as_others(mock):
+    seen = [line(mock, t, 0, (0.1, 0.0)) for t in np.arange(12.0, 26.0, 0.1)]
+    coasting = [line(mock, t, 0, (0.7, 0.0), state="coasting") for t in np.arange(26.0, 40.0)]
+    found = score(mock, [*seen, *coasting])
+    assert found.relative.rms_m == pytest.approx(0.5, rel=0.005)
+    assert found.cells["0"] == pytest.approx([0.1] * 10 + [0.7] * 10, rel=1e-5)
+    assert score(mock, coasting).cells["0"][:9] == [None] * 9
 
 
 def test_a_claim_of_no_error_is_the_largest_square(mock):
