@@ -175,7 +175,9 @@ def _image(seen: Sights, configured: CommonPoint, expected: float) -> tuple[Comm
     mount = configured.body_from_camera
     images = seen.meeting(np.array([turned(mount, turn) for _, turn in CANDIDATES]))
     as_good = AS_GOOD * min(each.spread for each in images)
-    best, text = next((each, text) for each, (text, _) in zip(images, CANDIDATES, strict=True) if each.spread <= as_good)
+    best, text = next(
+        (each, text) for each, (text, _) in zip(images, CANDIDATES, strict=True) if each.spread <= as_good
+    )
     if best.spread >= _enough(configured):
         return None
     if best.spread < max(SHARP, AS_EXPECTED * expected):
