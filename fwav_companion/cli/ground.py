@@ -62,7 +62,15 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add("--scouting", action="store_true", help="find the fleet by multicast on the local network")
     add("--fleet-config", metavar="FILE", help="Zenoh configuration: TLS, access control")
-    add("--cot", metavar="URL", help="send the targets as Cursor on Target, as udpout://239.2.3.1:6969")
+    add("--cot", metavar="URL", action="append", default=[],
+        help="send vehicles and targets as Cursor on Target, as udpout://239.2.3.1:6969 or tls://HOST:8089; may be "
+        "repeated")  # fmt: skip
+    add("--cot-client-cert", metavar="FILE", help="this machine's certificate for tls://, PEM or .p12")
+    add("--cot-client-key", metavar="FILE", help="its private key, PEM")
+    add("--cot-password-file", metavar="FILE", help="file with the password of the key or .p12")
+    add("--cot-ca", metavar="FILE", help="authority of the server's certificate, PEM or .p12; default: the system's")
+    add("--cot-server-name", metavar="NAME", help="name expected in the server's certificate; default: the host")
+    add("--cot-package", metavar="FILE.zip", help="TAK data package in place of all of these")
     add("--status", metavar="FILE|URL", help="status of `run`: all its tracks, and what `check` says")
     add("--config", metavar="FILE", help="configuration of that `run`; for a URL, what `check` says needs it")
     add("--replay", metavar="T.jsonl", help="play a targets file, or a recording of --record")

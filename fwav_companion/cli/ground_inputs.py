@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Url = TypeVar("Url")
 WITHOUT_CONFIG = "NOTE: what `check` says needs --config FILE, a copy of that service's configuration"
 SPEEDS = (1.0, 20.0)
+COT_FILES = ("client_cert", "client_key", "password_file", "ca", "server_name", "package")
+"""Flags of `ground` after --cot-, as the keys of [publish]."""
 
 
 def make_inputs(
@@ -50,13 +52,7 @@ def make_inputs(
     if not inputs:
         accepted = "--link URL, as --link udpin://0.0.0.0:14550, --fleet NAME, --status or --replay"
         raise UserError(f"ground: no input; accepted: {accepted}")
-    if arguments.cot is not None:
-        from fwav_companion.ground.ground_process import utc_ns
-        from fwav_companion.ground.map_output import MapOutput
-        from fwav_companion.links.url import parse_cot_url
-        from fwav_companion.service.board import board_name
-
-        inputs.append(MapOutput(_parsed("--cot", arguments.cot, parse_cot_url), picture, utc_ns, board_name()))
+    inputs += _map_outputs(arguments, picture)
     if arguments.record is not None:
         from fwav_companion.ground.picture_recorder import PictureRecorder
 
@@ -70,6 +66,27 @@ def _parsed(option: str, text: str, parse: Callable[[str], Url]) -> Url:
         return parse(text)
     except UserError as error:
         raise UserError(f"{option} {text}: {error}") from None
+
+
+def _map_outputs(arguments: argparse.Namespace, picture: GroundPicture) -> list[PictureInput]:
+    """The senders of Cursor on Target: one an address, and one for a package without an address."""
+    files = {name: getattr(arguments, f"cot_{name}") or "" for name in COT_FILES}
+    urls = arguments.cot or ([""] if files["package"] else [])
+    if not urls:
+        given = next((name for name, value in files.items() if value), None)
+        if given is not None:
+            raise UserError(f"--cot-{given.replace('_', '-')} without --cot: accepted: with --cot tls://HOST:8089")
+        return []
+    from fwav_companion.ground.ground_process import utc_ns
+    from fwav_companion.ground.map_output import MapOutput
+    from fwav_companion.links.map_server import MapServer
+    from fwav_companion.links.url import parse_cot_url
+    from fwav_companion.service.board import board_name
+
+    for url in urls:
+        if url:
+            _parsed("--cot", url, parse_cot_url)
+    return [MapOutput(MapServer(url=url, **files), picture, utc_ns, board_name()) for url in urls]
 
 
 def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> PictureInput:
@@ -92,7 +109,7 @@ def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callabl
 def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[list[PictureInput], Callable[[], float]]:
     from fwav_companion.ground.replay_reader import ReplayReader
 
-    others = [name for name in ("link", "status", "record", "fleet", "cot") if getattr(arguments, name)]
+    others = [name for name in ("link", "status", "record", "fleet", "cot", "cot_package") if getattr(arguments, name)]
     if others:
         raise UserError(f"--replay with --{others[0]}: accepted: --replay alone, its time is another")
     if not SPEEDS[0] <= arguments.speed <= SPEEDS[1]:

@@ -20,7 +20,7 @@ from fwav_companion.config.inputs import (
 )
 from fwav_companion.errors import ConfigError
 from fwav_companion.fleet.options import FleetTable
-from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
+from fwav_companion.links.map_server import MapServer
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors, StandingTarget
@@ -125,9 +125,20 @@ class Config(Document, frozen=True, kw_only=True):
         return self.resolve(self.camera.calibration)
 
     @property
-    def cot_url(self) -> TcpUrl | UdpUrl | None:
-        """The parsed URL of [publish] cot; None where Cursor on Target is not sent."""
-        return parse_cot_url(self.publish.cot) if self.publish.cot else None
+    def map_server(self) -> MapServer | None:
+        """Where Cursor on Target goes; None where it is not sent."""
+        keys = self.publish
+        if not keys.cot and not keys.cot_package:
+            return None
+        return MapServer(
+            url=keys.cot,
+            client_cert=keys.cot_client_cert,
+            client_key=keys.cot_client_key,
+            password_file=keys.cot_password_file,
+            ca=keys.cot_ca,
+            server_name=keys.cot_server_name,
+            package=keys.cot_package,
+        ).resolved(Path(self.file).parent)
 
     @property
     def priors(self) -> ErrorPriors:

@@ -18,7 +18,7 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.mavlink.router.node import LinkPolicy, SigningPolicy
 from fwav_companion.pairing import CameraTiming, StampRule
-from fwav_companion.publishing.camera_information import horizontal_fov_deg
+from fwav_companion.publishing.camera_information import horizontal_fov_deg, vertical_fov_deg
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.recording.folder import BYTES_PER_MB, RecordingPlan, SpacePolicy
 from fwav_companion.telemetry import TelemetryOptions
@@ -94,6 +94,7 @@ def publish_options(config: Config, calibration: Calibration | None, unit: str) 
         **msgspec.structs.asdict(config.publish),
         image_size=(0, 0) if calibration is None else calibration.image_size,
         hfov_deg=0.0 if calibration is None else horizontal_fov_deg(calibration.lens),
+        vfov_deg=0.0 if calibration is None else vertical_fov_deg(calibration.lens),
         gimbal_device_id=config.camera.mount.gimbal_device_id,
         camera_position_m=config.camera.mount.lever_arm_m,
         companion_component=config.vehicle.component_id,

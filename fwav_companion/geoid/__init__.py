@@ -18,3 +18,8 @@ GRID = "egm96_15min.zlib"
 def egm96() -> Geoid:
     """EGM96, read once."""
     return Geoid(files(__name__).joinpath(GRID).read_bytes())
+
+
+def geoid_undulation_m(lat_deg: float, lon_deg: float) -> float:
+    """Height of the geoid EGM96 above the ellipsoid, metres."""
+    return egm96().undulation_m(lat_deg, lon_deg)

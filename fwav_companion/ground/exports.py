@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from math import cos, nan, pi, radians, sin
 from typing import Any
@@ -15,13 +15,17 @@ from xml.sax.saxutils import escape
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.ground.views import EllipseView, LatLon, TargetView, VehicleView
-from fwav_companion.publishing.cot import UNKNOWN_HAE_M, MapEvent
+from fwav_companion.publishing.cot import MACHINE, UNKNOWN, MapEvent, clock_text
 
 CORNERS = 48
 """Corners of an ellipse's polygon."""
 SIGMAS_95 = 2.4477
 """Larger semi-axis of the 95 % ellipse over one sigma: the root of -2 ln 0.05."""
-COT_STALE_S = 30.0
+COT_VEHICLE_STALE_S = 10.0
+COT_TARGET_STALE_S = 3600.0
+"""Validity of a target after its last look: a found person must not vanish from the searchers' map."""
+GeoidHeight = Callable[[float, float], float]
+"""(latitude, longitude), degrees -> height of the geoid above the ellipsoid, metres."""
 CSV_COLUMNS = (
     "id", "vehicle", "track", "label", "state", "lat", "lon", "alt_amsl_m", "radius95_m", "ellipse95_major_m",
     "ellipse95_minor_m", "ellipse95_bearing_deg", "first_utc", "seen_utc", "source", "seen_by",
@@ -98,28 +102,69 @@ def csv_table(targets: Iterable[TargetView]) -> bytes:
     return "".join(lines.written).encode()
 
 
-def cot_events(targets: Iterable[TargetView], utc_ns: int, unit: str) -> list[bytes]:
-    """One event a target that is still seen. ``unit``: name of this machine, for the markers' names."""
-    return [
-        MapEvent(
-            uid=f"fwav-companion.{unit}.ground.{target.id}",
-            kind="a-u-G",
-            utc_ns=utc_ns,
-            stale_s=COT_STALE_S,
-            lat_deg=target.lat,
-            lon_deg=target.lon,
-            hae_m=UNKNOWN_HAE_M,  # the vehicles' receivers give the geoid's height, and may differ
-            horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / SIGMAS_95,
-            vertical_sigma_m=nan,
-            callsign=f"{target.label or 'target'} {target.id}",
-            remarks=f"{target.source}, {target.state}; ce is one sigma; altitude above sea level "
-            + ("unknown" if target.alt_amsl is None else f"{target.alt_amsl:.1f} m"),
-        )
-        .as_xml()
-        .encode()
-        for target in targets
-        if target.state not in ("lost", "dropped")
+def cot_events(
+    targets: Iterable[TargetView],
+    utc_ns: int,
+    unit: str,
+    *,
+    vehicles: Iterable[VehicleView] = (),
+    geoid: GeoidHeight | None = None,
+    now_unix: float | None = None,
+) -> list[bytes]:
+    """One event a vehicle that is heard and a target that is not stale. ``unit``: name of this machine, for the uids.
+
+    ``now_unix``: time of the picture, in which ``seen_unix`` counts; None: UTC.
+    """
+    now = utc_ns / 1e9 if now_unix is None else now_unix
+    events = [
+        _vehicle_event(each, utc_ns, unit, geoid) for each in vehicles if not each.silent and each.lat is not None
     ]
+    for target in targets:
+        left_s = COT_TARGET_STALE_S - max(0.0, now - target.seen_unix)
+        if left_s > 0.0 and target.state not in ("tentative", "dropped"):
+            events.append(_target_event(target, utc_ns, unit, geoid, left_s))
+    return [event.as_xml().encode() for event in events]
+
+
+def _vehicle_event(vehicle: VehicleView, utc_ns: int, unit: str, geoid: GeoidHeight | None) -> MapEvent:
+    lat, lon = vehicle.lat or 0.0, vehicle.lon or 0.0
+    track = {"course": vehicle.heading_deg, "speed": vehicle.speed_m_s}
+    known = {name: f"{value:.1f}" for name, value in track.items() if value is not None}
+    return MapEvent(
+        uid=f"fwav-companion.{unit}.ground.vehicle.{vehicle.id}",
+        kind="a-f-A-M",
+        how=MACHINE,
+        utc_ns=utc_ns,
+        stale_s=COT_VEHICLE_STALE_S,
+        lat_deg=lat,
+        lon_deg=lon,
+        hae_m=_hae_m(lat, lon, vehicle.alt_amsl, geoid),
+        callsign=f"UAV {vehicle.id}",
+        details=(("track", known),) if len(known) == len(track) else (),
+    )
+
+
+def _target_event(target: TargetView, utc_ns: int, unit: str, geoid: GeoidHeight | None, stale_s: float) -> MapEvent:
+    seen_utc_ns = utc_ns - round((COT_TARGET_STALE_S - stale_s) * 1e9)
+    radius = "accuracy unknown" if target.radius95_m is None else f"within {target.radius95_m:.1f} m (95 %)"
+    return MapEvent(
+        uid=f"fwav-companion.{unit}.ground.{target.id}",
+        kind="a-u-G",
+        utc_ns=utc_ns,
+        stale_s=stale_s,
+        lat_deg=target.lat,
+        lon_deg=target.lon,
+        hae_m=_hae_m(target.lat, target.lon, target.alt_amsl, geoid),
+        horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / SIGMAS_95,
+        vertical_sigma_m=nan,
+        callsign=f"{target.label or 'target'} {target.id}",
+        remarks=f"last seen {clock_text(seen_utc_ns)} UTC; {radius}; {target.source}, {target.state}; ce is one sigma",
+    )
+
+
+def _hae_m(lat: float, lon: float, alt_amsl_m: float | None, geoid: GeoidHeight | None) -> float:
+    """Height above the ellipsoid: the vehicles' height above mean sea level plus the geoid's; unknown without both."""
+    return UNKNOWN if alt_amsl_m is None or geoid is None else alt_amsl_m + geoid(lat, lon)
 
 
 def one_document(events: Sequence[bytes]) -> bytes:

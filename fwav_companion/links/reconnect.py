@@ -57,8 +57,10 @@ class StayingConnected:
         *,
         on_refused: OnRefused = lambda _link, _peer: None,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+        longest_delay_s: float = LONGEST_DELAY_S,
     ) -> None:
-        """``sleep`` waits the seconds between two attempts."""
+        """``sleep`` waits the seconds between two attempts, ``longest_delay_s`` at most."""
+        self._longest_delay_s = longest_delay_s
         self.name = name
         self.state = LinkState.IDLE
         self._opener = opener
@@ -119,7 +121,7 @@ class StayingConnected:
             if await self._live_once() >= STEADY_S:
                 delay_s = FIRST_DELAY_S
             await self._sleep(delay_s)
-            delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
+            delay_s = min(2.0 * delay_s, self._longest_delay_s)
 
     async def _live_once(self) -> float:
         """Open a connection and wait for its loss; returns its duration in seconds."""

@@ -40,7 +40,7 @@ class TcpClientOpener:
         failure: OSError | LinkError = LinkError("no address")
         for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
             try:
-                return TcpStream(await _connected(family, address), ear)
+                return TcpStream(await connected(family, address), ear)
             except TimeoutError:
                 failure = LinkError(f"no answer within {CONNECT_WAIT_S:g} s")
             except OSError as error:
@@ -51,7 +51,8 @@ class TcpClientOpener:
         """Nothing is under way between two tries."""
 
 
-async def _connected(family: socket.AddressFamily, address: SocketAddress) -> socket.socket:
+async def connected(family: socket.AddressFamily, address: SocketAddress) -> socket.socket:
+    """A connected socket with this room's options. OSError, or TimeoutError."""
     sock = socket.socket(family, socket.SOCK_STREAM)
     try:
         sock.setblocking(False)

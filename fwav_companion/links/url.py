@@ -13,7 +13,7 @@ from fwav_companion.errors import UserError
 SERIAL_FORMS = "serial:///dev/NAME:BAUD | serial://VID:PID:BAUD"
 LINK_FORMS = f"{SERIAL_FORMS} | udpin:// | udpout:// | udpbcast:// | tcpin:// | tcpout://HOST:PORT"
 DETECTIONS_FORMS = "udpin://HOST:PORT | unix:///PATH"
-COT_FORMS = "udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT"
+COT_FORMS = "udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT | tls://HOST:PORT"
 
 UDP_KINDS = ("udpin", "udpout", "udpbcast")
 TCP_KINDS = ("tcpin", "tcpout")
@@ -83,6 +83,19 @@ class TcpUrl(msgspec.Struct, frozen=True):
         return f"{self.kind}://{host_and_port(self.host, self.port)}"
 
 
+class TlsUrl(msgspec.Struct, frozen=True):
+    """TLS: connecting to a server."""
+
+    host: str
+    """Name or address; IPv6 without brackets."""
+    port: int
+    kind: Literal["tls"] = "tls"
+
+    def __str__(self) -> str:
+        """The URL."""
+        return f"tls://{host_and_port(self.host, self.port)}"
+
+
 class UnixUrl(msgspec.Struct, frozen=True):
     """A Unix datagram socket."""
 
@@ -95,6 +108,7 @@ class UnixUrl(msgspec.Struct, frozen=True):
 
 
 LinkUrl: TypeAlias = SerialUrl | UdpUrl | TcpUrl
+CotUrl: TypeAlias = UdpUrl | TcpUrl | TlsUrl
 
 
 def parse_link_url(text: str) -> LinkUrl:
@@ -120,8 +134,11 @@ def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
     raise UrlError(f"{'did you mean udpin://? ' if _is_kind(text, 'udp') else ''}accepted: {DETECTIONS_FORMS}")
 
 
-def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
+def parse_cot_url(text: str) -> CotUrl:
     """The URL to which Cursor on Target is sent. UrlError."""
+    if text.startswith("tls://"):
+        server = _parse_network("tls", text.removeprefix("tls://"))
+        return TlsUrl(server.host, server.port)
     if text.startswith(("udpout:", "udpbcast:", "tcpout:", "tcp:")):
         url = parse_link_url(text)
         if not isinstance(url, SerialUrl):

@@ -81,6 +81,12 @@ class Pairer:
         self._last_number = -1
 
     @property
+    def image_centre(self) -> tuple[float, float]:
+        """Centre of the picture, pixels of the calibration."""
+        width, height = self.lens.image_size
+        return ((width - 1) / 2, (height - 1) / 2)
+
+    @property
     def time_offset_s(self) -> float:
         """The time offset of the stamps in use, seconds; positive: stamps come late."""
         return self._rows.time_offset_s

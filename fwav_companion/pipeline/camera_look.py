@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from math import asin, degrees
+from math import asin, degrees, nan
 
 import msgspec
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Vector3, multiply
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.geometry.vectors import Vector3, larger_semi_axis, multiply, transform
 from fwav_companion.localization import Localizer
 from fwav_companion.pairing import CameraView, Pairer, PictureRows, VehicleSource
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
+from fwav_companion.publishing.cot_events import CameraAim
 from fwav_companion.types import Frame, GroundFix, Reason, Sighting, Unpaired
 
 BORDER = ((-0.5, -0.5), (0.0, -0.5), (0.5, -0.5), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (-0.5, 0.5), (-0.5, 0.0))
@@ -19,6 +20,8 @@ BORDER = ((-0.5, -0.5), (0.0, -0.5), (0.5, -0.5), (0.5, 0.0), (0.5, 0.5), (0.0, 
 BORDER_SHARES = (0.99, 0.8, 0.6, 0.4)
 """Shares of the way from the centre to the border that are tried; the border itself may count as outside."""
 BORDER_SIGMA_PX = 1.0
+AIM_AGE_NS = 300 * NS_PER_MS
+"""Age of the view that maps show: at 4 Hz, attitude samples on both sides of it have arrived."""
 
 
 class CameraLook(msgspec.Struct, frozen=True):
@@ -64,6 +67,19 @@ class CameraLook(msgspec.Struct, frozen=True):
             return None
         ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), self.pairer.body_from_camera)
         return degrees(asin(max(-1.0, min(1.0, -ned_from_camera[2][2]))))
+
+    def aim(self, host_ns: HostNs) -> CameraAim | None:
+        """Optical axis shortly before this instant, and the ground that it meets; None while it is unknown."""
+        at_ns = HostNs(host_ns - AIM_AGE_NS)
+        u, v = self.pairer.image_centre
+        view = self.pairer.look_at(u, v, sigma_px=BORDER_SIGMA_PX, host_ns=at_ns, vehicle=self.telemetry)
+        if not isinstance(view, Sighting):
+            return None
+        axis = transform(view.ned_from_camera, view.ray.direction)
+        fix = self.localizer.locate(view)
+        if not isinstance(fix, GroundFix):
+            return CameraAim(axis, None, nan)
+        return CameraAim(axis, fix.position_ned, larger_semi_axis(fix.cov))
 
     def expected(self) -> PredictedAccuracy | Reason:
         """Accuracy of a fix straight below at this moment, or the reason why there would be no fix."""

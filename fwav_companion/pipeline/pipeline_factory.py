@@ -15,6 +15,7 @@ from fwav_companion.config.room_options import (
     version_numbers,
 )
 from fwav_companion.config.rules import CAMERA_COMPONENT_ID
+from fwav_companion.geoid import geoid_undulation_m
 from fwav_companion.localization import (
     AltitudeGround,
     Datum,
@@ -115,6 +116,8 @@ def make_pipeline(
         locate=None if camera is None else camera.look.locate,
         state_at=telemetry.state_at,
         local_position_at=telemetry.local_position_at,
+        look_at=None if camera is None else camera.look.aim,
+        geoid=geoid_undulation_m,
     )
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:

@@ -161,6 +161,13 @@ def horizontal_fov_deg(lens: Lens) -> float:
     return degrees(sum(lens.max_angle if isinstance(ray, NoRay) else atan2(abs(ray[0]), ray[2]) for ray in edges))
 
 
+def vertical_fov_deg(lens: Lens) -> float:
+    """Angle between the rays of the upper and the lower edge in the middle column, degrees; as above."""
+    width, height = lens.image_size
+    edges = [lens.camera_ray_from_pixel((width - 1) / 2, v) for v in (-0.5, height - 0.5)]
+    return degrees(sum(lens.max_angle if isinstance(ray, NoRay) else atan2(abs(ray[1]), ray[2]) for ray in edges))
+
+
 def _stream(options: PublishOptions) -> dict[str, Any]:
     """Fields common to both stream messages. Another program makes the stream, so its format is not known here."""
     return {

@@ -9,7 +9,8 @@ from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.camera_component import CameraComponent
-from fwav_companion.publishing.cot import NO_EVENT, cot_event
+from fwav_companion.publishing.cot_events import GeoidHeight, LookAt
+from fwav_companion.publishing.cot_markers import MapMarkers
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, LocalPositionAt
@@ -29,6 +30,13 @@ VALUES_NS = UNASKED_NS
 """Interval of the named values for a display: people do not read faster than twice a second."""
 ADSB_NS = NS_PER_S
 MAX_DATAGRAMS = 64
+MAX_EVENTS = 256
+"""Most events of Cursor on Target between two calls of :meth:`Publisher.datagrams`."""
+NO_EVENT = {
+    NoticeCode.COT_WITHOUT_POSITION: "no global position: wait for the autopilot's GPS",
+    NoticeCode.COT_WITHOUT_UTC: "UTC is unknown: wait for the autopilot's GPS, or run NTP on this board",
+}
+"""Reasons why no event of Cursor on Target is sent, and what to do."""
 MAX_TRACK_REPORTS = 64
 """Most tracks in the status: 16 kB of its limit of 64 kB."""
 
@@ -40,6 +48,7 @@ class Publisher:
     follows clicked spots that are not tracks. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
     will use; without it the newest state is extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
     ``local_position_at``: PX4's own local position at an instant.
+    ``look_at``: where the camera looks; ``geoid``: for heights on maps where the autopilot gives no ellipsoid height.
     """
 
     def __init__(
@@ -49,6 +58,8 @@ class Publisher:
         state_at: StateAt | None = None,
         local_position_at: LocalPositionAt | None = None,
         spots: Spots | None = None,
+        look_at: LookAt | None = None,
+        geoid: GeoidHeight | None = None,
     ):
         self._options = options
         self._selection = Selection(options)
@@ -61,7 +72,9 @@ class Publisher:
         self._adsb = Cadence()
         self._cot = Cadence()
         self._values_shown = False
-        self._datagrams: deque[bytes] = deque(maxlen=MAX_DATAGRAMS)
+        self._sends_map = bool(options.cot or options.cot_package)
+        self._markers = MapMarkers(options, look_at, geoid)
+        self._datagrams: deque[bytes] = deque(maxlen=MAX_EVENTS)
         self._reported: set[NoticeCode] = set()
         self._started = False
         self.wake_at: HostNs | None = None
@@ -82,6 +95,8 @@ class Publisher:
         landing = self.landing.on_tracks(tracks, situation)
         out = [landing] if landing is not None else []
         self._selection.on_tracks(tracks)
+        if self._sends_map:
+            self._markers.on_tracks(tracks)
         captured_ns = max([track.host_ns for track in tracks], default=None)
         self._camera.on_tracks(captured_ns, pixel_from_ned)
         self._notices.extend(self._target_notices.on_tracks(tracks, situation))
@@ -105,8 +120,8 @@ class Publisher:
             out.extend(self._named_values(track, situation))
         if self._options.adsb and self._adsb.tick(now, ADSB_NS):
             out.extend(self._adsb_marker(track, situation))
-        if self._options.cot and self._cot.tick(now, round(NS_PER_S / self._options.cot_rate_hz)):
-            self._make_event(track, situation)
+        if self._sends_map and self._cot.tick(now, round(NS_PER_S / self._options.cot_rate_hz)):
+            self._make_events(track, situation)
         self.wake_at = self._next_due()
         return out
 
@@ -199,17 +214,15 @@ class Publisher:
         fields = adsb_vehicle(track, situation.autopilot.system, situation)
         return [self._companion("ADSB_VEHICLE", fields, Destination.GROUND_LINKS)] if fields is not None else []
 
-    def _make_event(self, track: Track | None, situation: Situation) -> None:
-        """Append one datagram, or, once, a notice with the reason why there is none."""
-        if track is None:
-            return
-        event = cot_event(track, self._options, situation)
-        if isinstance(event, bytes):
-            self._datagrams.append(event)
-        elif event not in self._reported:
-            self._reported.add(event)
-            text = f"Cursor on Target is not sent: {NO_EVENT[event]}"
-            self._notices.append(Notice(event, Severity.WARNING, text, to_ground=True))
+    def _make_events(self, selected: Track | None, situation: Situation) -> None:
+        """Append the events that are due, or, once, a notice with the reason why there are none."""
+        events = self._markers.due(self.believed, selected, situation)
+        if isinstance(events, list):
+            self._datagrams.extend(events)
+        elif events not in self._reported:
+            self._reported.add(events)
+            text = f"Cursor on Target is not sent: {NO_EVENT[events]}"
+            self._notices.append(Notice(events, Severity.WARNING, text, to_ground=True))
 
     def _companion(self, name: str, fields: dict[str, Any], to: Destination) -> Outgoing:
         return Outgoing(name=name, fields=fields, to=to, component=self._options.companion_component)

@@ -10,11 +10,11 @@ import msgspec
 
 from fwav_companion.config import Config
 from fwav_companion.config.room_options import recording_plan
-from fwav_companion.errors import ConfigError
+from fwav_companion.errors import ConfigError, UserError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.libraries import require
+from fwav_companion.links import map_link
 from fwav_companion.links.base import Link, OnState
-from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
@@ -32,8 +32,12 @@ if TYPE_CHECKING:
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
     """Link for Cursor on Target."""
-    url = config.cot_url
-    return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
+    if config.map_server is None:
+        return None
+    try:
+        return map_link.make_map_link(config.map_server, on_state)[0]
+    except UserError as error:
+        raise ConfigError(f"{config.file}: [publish] {error}") from None
 
 
 def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> DetectionsIn | None:
@@ -131,8 +135,3 @@ def make_fleet(
     from fwav_companion.service.fleet_sharing import FleetSharing
 
     return FleetSharing(config.fleet, config, pipeline, now=now, warn=warn, on_notice=on_notice)
-
-
-def _ignore_bytes(_link: str, _data: bytes) -> bool:
-    """Ignore bytes from a map server."""
-    return False

@@ -118,8 +118,6 @@ class NoticeCode(StrEnum):
     """A clicked spot cannot be followed: it is too uniform, at the edge, or the picture is gone. Click on another."""
     COT_WITHOUT_POSITION = "cot_without_position"
     """Cursor on Target rests without a global position. Wait for the autopilot's GPS."""
-    COT_WITHOUT_GEOID = "cot_without_geoid"
-    """Cursor on Target needs ellipsoid heights, and GPS_RAW_INT brings no alt_ellipsoid."""
     COT_WITHOUT_UTC = "cot_without_utc"
     """Cursor on Target rests while UTC is unknown. Wait for GPS, or run NTP on the board."""
 

@@ -108,6 +108,7 @@ def quiet(config: Config) -> Config:
         named_values=False,
         adsb=False,
         cot="",
+        cot_package="",
         camera_tracking=False,
     )
     return replace(

@@ -10,7 +10,8 @@ from urllib.parse import urlsplit
 from fwav_companion.config import Config
 from fwav_companion.errors import UserError
 from fwav_companion.fleet.options import FleetTable
-from fwav_companion.links.url import SerialUrl, UnixUrl, parse_link_url
+from fwav_companion.links.map_link import map_url
+from fwav_companion.links.url import SerialUrl, UnixUrl
 from fwav_companion.vision.preview_address import parse_preview
 
 IP_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
@@ -31,8 +32,9 @@ def drop_in(config: Config) -> str:
 
 def _networks(config: Config) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
     urls = [link.parsed_url for link in config.link] + [config.detections.parsed_url]
-    if config.publish.cot:
-        urls.append(parse_link_url(config.publish.cot))
+    if config.map_server is not None:
+        cot = map_url(config.map_server)
+        yield _network(cot.host, str(cot), listens=False)
     for url in urls:
         if not isinstance(url, SerialUrl | UnixUrl | None):
             yield _network(url.host, str(url), listens=url.kind in ("udpin", "tcpin"))
