@@ -44,6 +44,7 @@ COMMANDS = (
     CommandModule("run", "the daemon: links, detections in, targets out"),
     CommandModule("demo", "a flight with nothing attached, against the mock autopilot"),
     CommandModule("replay", "the same pipeline over a recording"),
+    CommandModule("export", "a recording for other programs: MCAP, KML, KMZ, GeoJSON, CSV, GPX"),
     CommandModule("study", "many flights, drawn or recorded: how accurate, and what limits it"),
     CommandModule("detect", "the configured detector over recorded pictures"),
     CommandModule("locate", "from a pixel in a picture to a place on the map"),

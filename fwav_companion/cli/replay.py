@@ -57,7 +57,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="run the code that tracking.filter = module:Class names, from the working directory; never from the "
         "recording's folder")  # fmt: skip
     add("--export", metavar="FILE", action="append", default=[],
-        help="targets for other tools, by suffix: .geojson, .kml or .csv; may be repeated")  # fmt: skip
+        help="targets for other tools, by suffix: .geojson, .kml, .kmz, .csv or .gpx; may be repeated")  # fmt: skip
     add(
         "--report", metavar="DIR", help="a folder for report.html: targets on a map, their accuracy, and what limits it"
     )

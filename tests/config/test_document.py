@@ -160,7 +160,7 @@ def test_parsed_urls():
     config = parse(AUTOPILOT + '[detections]\nurl = "unix:///run/x"\n[camera]\ncalibration = "c"\n', "f.toml")
     assert str(config.link[0].parsed_url) == "serial:///dev/ttyAMA0:57600"
     assert str(config.detections.parsed_url) == "unix:///run/x"
-    assert config.cot_url is None
+    assert config.map_server is None
 
 
 @pytest.mark.parametrize("module", [inputs, estimation, document, publishing_options, tracking_options, vision_task])

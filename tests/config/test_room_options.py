@@ -69,6 +69,14 @@ cot_type = "a-h-G"
 cot_callsign = "T"
 cot_rate_hz = 2
 cot_stale_s = 20
+cot_target_stale_s = 600
+cot_vehicle = false
+cot_client_cert = "unit.p12"
+cot_client_key = "unit.key"
+cot_password_file = "password"
+cot_ca = "ca.pem"
+cot_server_name = "tak.example"
+cot_package = "dp.zip"
 video_uri = "rtsp://10.0.0.1/main"
 video_delay_s = 0.6
 [record]

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from math import cos, hypot, radians, sin
 
 import geojson as reader
+import msgspec
 import pymap3d
 import pytest
 from fastkml import KML
@@ -68,12 +69,26 @@ def test_csv_has_one_row_a_target_and_no_formula():
     assert float(rows[1]["lat"]) == -1.0
 
 
-def test_cursor_on_target_has_one_sigma_and_only_what_lives():
-    lost = TargetView(id="2", vehicle="1", state="lost", lat=0.0, lon=0.0, first_unix=0.0, seen_unix=0.0, source="x")
-    events = cot_events([TARGET, lost], 1_790_000_000 * 10**9, "unit")
-    assert len(events) == 1
+def test_cursor_on_target_has_one_sigma_and_what_is_lost_until_it_is_stale():
+    now = 1_790_000_000
+    lost = {"vehicle": "1", "state": "lost", "lat": 0.0, "lon": 0.0, "first_unix": 0.0, "source": "x"}
+    views = [TARGET, TargetView(id="2", seen_unix=now - 600, **lost), TargetView(id="3", seen_unix=now - 3601, **lost)]
+    views = [msgspec.structs.replace(views[0], seen_unix=now), *views[1:]]
+    events = cot_events(views, now * 10**9, "unit")
     root = ET.fromstring(one_document(events))
-    (point,) = root.iter("point")
+    assert [each.get("uid").rpartition(".")[2] for each in root] == [TARGET.id, "2"]
+    point = root[0].find("point")
     assert float(point.get("ce")) == pytest.approx(3.0 / 2.4477, abs=0.01)
     assert (float(point.get("lat")), float(point.get("hae"))) == (48.1, 9_999_999.0)
     assert root[0].get("time") == "2026-09-21T14:13:20.000Z"
+    assert root[1].get("stale") == "2026-09-21T15:03:20.000Z"
+    assert "last seen 14:03 UTC" in root[1].findtext("detail/remarks")
+
+
+def test_cursor_on_target_has_vehicles_and_heights_by_the_geoid():
+    heard = VehicleView(id="7", heard_unix=0.0, lat=48.1, lon=11.5, alt_amsl=500.0, heading_deg=90.0, speed_m_s=4.0)
+    silent = VehicleView(id="8", heard_unix=0.0, lat=48.1, lon=11.5, silent=True)
+    (event,) = cot_events([], 1_790_000_000 * 10**9, "unit", vehicles=[heard, silent], geoid=lambda _lat, _lon: 45.5)
+    root = ET.fromstring(event)
+    assert (root.get("type"), root.find("point").get("hae")) == ("a-f-A-M", "545.50")
+    assert root.find("detail/track").attrib == {"course": "90.0", "speed": "4.0"}

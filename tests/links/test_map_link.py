@@ -1,7 +1,7 @@
 """Cursor on Target over TLS against a TAK-like server: certificates right and wrong, and servers that misbehave."""
 
 import asyncio
-import datetime
+import datetime as dt
 import os
 
 import pytest
@@ -102,7 +102,7 @@ def test_package_gives_address_and_certificates(authority, files, tmp_path, fold
 
 
 def today():
-    return datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d")
+    return dt.datetime.now(dt.UTC).strftime("%Y-%m-%d")
 
 
 FAULTS = {
@@ -201,7 +201,7 @@ def test_plain_server_is_named_as_one(files):
         link.start()
         async with asyncio.timeout(20):
             while not states:
-                await asyncio.sleep(0.01)
+                await asyncio.sleep(0.01)  # noqa: ASYNC110
         link.close()
         server.close()
         return states
@@ -214,7 +214,10 @@ BAD_FILES = {
     "not a certificate": ({"ca": "password"}, "cot_ca: not a .p12 file"),
     "a key of another certificate": ({"client_key": "other.key"}, "cot_client_key: not the key of cot_client_cert"),
     "a locked key without its password": ({"client_key": "locked.key"}, "cot_client_"),
-    "a .p12 without its password": ({"client_cert": "unit.p12", "client_key": ""}, "not a .p12 file with this password"),
+    "a .p12 without its password": (
+        {"client_cert": "unit.p12", "client_key": ""},
+        "not a .p12 file with this password",
+    ),
     "a key alone": ({"client_cert": ""}, "cot_client_key without cot_client_cert"),
     "an empty file": ({"ca": "empty"}, "cot_ca .*empty: empty"),
 }
@@ -235,7 +238,5 @@ def test_bad_file_is_one_line_without_the_password(authority, files, names, told
 def test_damaged_package_is_one_line(tmp_path, content):
     path = tmp_path / "dp.zip"
     path.write_bytes(content)
-    with pytest.raises(UserError, match="cot_package .*: damaged, or not a package"):
+    with pytest.raises(UserError, match=r"cot_package .*: damaged, or not a package"):
         map_url(MapServer(package=str(path)))
-
-

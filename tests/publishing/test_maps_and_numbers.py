@@ -1,20 +1,14 @@
-"""Named values, ADS-B markers and Cursor on Target, each decoded by an independent reader."""
+"""Named values and ADS-B markers, each decoded by an independent reader."""
 
-import xml.etree.ElementTree as ET
-from datetime import UTC, datetime
-from math import inf, isnan, nan
+from math import isnan
 
-import pymap3d
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from fwav_companion.geometry.ellipses import circle_radius
-from fwav_companion.publishing.cot import cot_event
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.types import AutopilotKind, Destination, NoticeCode
+from fwav_companion.types import Destination
 
 QUIET = {"statustext": False, "camera_tracking": False}
 
@@ -89,97 +83,3 @@ def test_adsb_only_where_asked_and_only_to_ground_links(world):
 def test_adsb_without_a_position_is_not_sent(world):
     publisher = Publisher(PublishOptions(**QUIET, adsb=True))
     assert not named(publisher.on_tracks((world.track(),), world.situation(plane=None)), "ADSB_VEHICLE")
-
-
-COT = PublishOptions(**QUIET, named_values=False, cot=True, unit="a1b2c3", cot_stale_s=10.0)
-
-
-def parsed(event):
-    root = ET.fromstring(event)
-    return root.attrib, {name: float(value) for name, value in root.find("point").attrib.items()}, root
-
-
-def test_cot_point_with_the_height_above_the_ellipsoid(world):
-    target = world.track(position_ned=(120.0, -80.0, 5.0))
-    event, point, _ = parsed(cot_event(target, COT, world.situation(undulation_m=47.3)))
-    lat, lon, _ = pymap3d.ned2geodetic(
-        120.0, -80.0, 0.0, world.ORIGIN.lat_deg, world.ORIGIN.lon_deg, world.ORIGIN.alt_amsl_m
-    )
-    assert (point["lat"], point["lon"]) == (pytest.approx(lat, abs=2e-7), pytest.approx(lon, abs=2e-7))
-    assert point["hae"] == pytest.approx(483.0 + 47.3)
-    assert (point["ce"], point["le"]) == (1.0, 0.6)
-    assert (event["version"], event["type"]) == ("2.0", "a-u-G")
-
-
-def test_cot_times_are_utc_and_it_goes_stale(world):
-    event, _, _ = parsed(cot_event(world.track(), COT, world.situation()))
-    utc = datetime.fromtimestamp(1_790_000_000 + world.NOW / 1e9, tz=UTC)
-    read = {name: datetime.fromisoformat(event[name]) for name in ("time", "start", "stale")}
-    assert read["time"] == read["start"] == utc
-    assert (read["stale"] - utc).total_seconds() == 10.0
-
-
-def test_cot_uid_survives_a_restart_and_another_track_number(world):
-    first = parsed(cot_event(world.track(1), COT, world.situation()))[0]["uid"]
-    again = parsed(cot_event(world.track(8), COT, world.situation(kind=AutopilotKind.PX4)))[0]["uid"]
-    other = parsed(cot_event(world.track(1), COT, world.situation(autopilot=world.autopilot(system=2))))[0]["uid"]
-    assert first == again
-    assert other != first
-    assert "a1b2c3" in first
-
-
-def seen_again(publisher, world, wakes, **changes):
-    """All that is sent while a target is seen, and once more whenever the publisher wakes."""
-    yield from publisher.on_tracks((world.track(),), world.situation(**changes))
-    for _ in range(wakes):
-        at = publisher.wake_at
-        publisher.on_tracks((world.track(at=at),), world.situation(now=at, **changes))
-        yield from publisher.on_wake(at, world.situation(now=at, **changes))
-
-
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"plane": None}, NoticeCode.COT_WITHOUT_POSITION),
-        ({"undulation_m": None}, NoticeCode.COT_WITHOUT_GEOID),
-        ({"utc_minus_host_s": None}, NoticeCode.COT_WITHOUT_UTC),
-        ({"utc_minus_host_s": -1e9}, NoticeCode.COT_WITHOUT_UTC),
-        ({"utc_minus_host_s": 1e13}, NoticeCode.COT_WITHOUT_UTC),
-    ],
-)
-def test_cot_that_would_be_wrong_is_not_sent_and_that_is_reported_once(world, changes, reason):
-    assert cot_event(world.track(), COT, world.situation(**changes)) is reason
-    publisher = Publisher(PublishOptions(camera_tracking=False, named_values=False, cot=True))
-    list(seen_again(publisher, world, 30, **changes))
-    assert publisher.datagrams() == []
-    (notice,) = (each for each in publisher.notices() if each.code is not NoticeCode.TARGET_FOUND)
-    assert (notice.code, notice.to_ground) == (reason, True)
-
-
-def test_cot_at_its_rate_and_each_datagram_once(world):
-    publisher = Publisher(COT)
-    list(seen_again(publisher, world, 10))
-    assert publisher.wake_at == world.NOW + 11 * world.S
-    assert len(publisher.datagrams()) == 11
-    assert publisher.datagrams() == []
-
-
-def test_datagrams_that_are_not_fetched_are_bounded(world):
-    publisher = Publisher(COT)
-    list(seen_again(publisher, world, 500))
-    assert len(publisher.datagrams()) <= 64
-
-
-@settings(derandomize=True, max_examples=150)
-@given(label=st.text(max_size=20), callsign=st.text(max_size=20), kind=st.text(max_size=12))
-def test_whatever_people_write_it_stays_xml(world, label, callsign, kind):
-    options = PublishOptions(cot=True, cot_callsign=callsign, cot_type=kind, unit=label)
-    _, _, root = parsed(cot_event(world.track(label=label), options, world.situation()))
-    assert len(root.find("detail")) == 2
-
-
-@pytest.mark.parametrize(("sigma", "expected"), [(nan, 9_999_999.0), (inf, 9_999_999.0), (1e9, 9_999_999.0)])
-def test_cot_accuracy_that_is_unknown_is_sent_as_unknown(world, sigma, expected):
-    vague = world.track(cov=world.diagonal(sigma, sigma, sigma))
-    _, point, _ = parsed(cot_event(vague, COT, world.situation()))
-    assert (point["ce"], point["le"]) == (expected, expected)

@@ -5,7 +5,7 @@ A thread with its own loop: it demands a client certificate, reads events up to 
 
 import asyncio
 import contextlib
-import datetime
+import datetime as dt
 import ipaddress
 import socket
 import ssl
@@ -23,7 +23,7 @@ from cryptography.hazmat.primitives.serialization import (
     pkcs12,
 )
 
-DAY = datetime.timedelta(days=1)
+DAY = dt.timedelta(days=1)
 
 
 class Authority:
@@ -42,7 +42,7 @@ class Authority:
         return self._sign(subject, key.public_key(), begins, ends, names=names), key
 
     def _sign(self, subject, public_key, begins, ends, *, is_ca=False, names=()):
-        now = datetime.datetime.now(datetime.UTC)
+        now = dt.datetime.now(dt.UTC)
         builder = (
             x509.CertificateBuilder()
             .subject_name(subject)
@@ -79,12 +79,15 @@ def package(path, connect, ca_p12, client_p12, password, folder="certs/"):
         "caLocation0": "cert/caCert.p12", "caPassword0": password,
         "certificateLocation0": "cert/clientCert.p12", "clientPassword0": password,
     }  # fmt: skip
-    listed = "".join(f'<entry key="{key}" class="class java.lang.String">{value}</entry>' for key, value in entries.items())
+    listed = "".join(
+        f'<entry key="{key}" class="class java.lang.String">{value}</entry>' for key, value in entries.items()
+    )
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("MANIFEST/manifest.xml", '<MissionPackageManifest version="2"/>')
         archive.writestr(
             f"{folder}config.pref",
-            f"<?xml version='1.0' encoding='ASCII'?><preferences><preference version=\"1\" name=\"cot_streams\">{listed}"
+            "<?xml version='1.0' encoding='ASCII'?><preferences>"
+            f'<preference version="1" name="cot_streams">{listed}'
             "</preference></preferences>",
         )
         archive.writestr(f"{folder}caCert.p12", ca_p12)

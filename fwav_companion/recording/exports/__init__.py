@@ -1,4 +1,4 @@
-"""Exports of a flight's targets for other tools: GeoJSON, KML, CSV. Pure: lines in, the bytes of a file out.
+"""Exports of a flight's targets: GeoJSON, KML, KMZ, CSV, GPX; ``mcap_file`` for viewers. Lines in, a file's bytes out.
 
 Names are those of the report ("tag 19"). Every uncertainty is a 95 % interval or ellipse.
 """
@@ -11,11 +11,19 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.recording.exports.base import Export
 from fwav_companion.recording.exports.csv_table import CsvExport
 from fwav_companion.recording.exports.geojson import GeoJsonExport
+from fwav_companion.recording.exports.gpx import GpxExport
 from fwav_companion.recording.exports.kml import KmlExport
+from fwav_companion.recording.exports.kmz import KmzExport
 
 __all__ = ["Export", "export_for"]
 
-_BY_SUFFIX: dict[str, type[Export]] = {".geojson": GeoJsonExport, ".kml": KmlExport, ".csv": CsvExport}
+_BY_SUFFIX: dict[str, type[Export]] = {
+    ".geojson": GeoJsonExport,
+    ".kml": KmlExport,
+    ".csv": CsvExport,
+    ".gpx": GpxExport,
+    ".kmz": KmzExport,
+}
 
 
 def export_for(path: PurePath) -> Export:

@@ -23,19 +23,23 @@ class KmlExport(MapExport):
         document = SubElement(root, "Document")
         _text(document, "name", "fwav-companion targets")
         _style(document)
-        for name, _, track in self.tracks():
+        for name, number, track in self.tracks():
             if track.last["lat"] is not None:
-                self._folder(document, _printable(name), track)
+                self._folder(document, _printable(name), track, self.picture_of(number))
         indent(root)
         text: str = tostring(root, encoding="unicode")
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
-    def _folder(self, document: Element, name: str, track: ExportedTrack) -> None:
+    def picture_of(self, _track: int) -> str:
+        """The address of a track's picture; "": none."""
+        return ""
+
+    def _folder(self, document: Element, name: str, track: ExportedTrack, picture: str) -> None:
         last = track.last
         folder = SubElement(document, "Folder")
         _text(folder, "name", name)
         pin = _placemark(folder, name)
-        _text(pin, "description", _description(last))
+        _text(pin, "description", _description(last) + (f'<br/><img src="{picture}" width="480"/>' if picture else ""))
         time = utc_text(last["time_unix"])
         if time:
             _text(SubElement(pin, "TimeStamp"), "when", time)

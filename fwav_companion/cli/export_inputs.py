@@ -1,0 +1,142 @@
+"""The files of a recording that ``export`` reads: targets, pictures, detections and the camera."""
+
+from __future__ import annotations
+
+import base64
+import heapq
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.recording.folder import DETECTIONS, PICTURES, STAMPS, TARGETS
+from fwav_companion.recording.lines import Line
+
+if TYPE_CHECKING:
+    from fwav_companion.recording.exports.viewer_messages import Message
+
+FORMATS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}
+
+
+class RecordedFlight:
+    """One recording, read line by line. A line that is no JSON is left out and counted: kill -9 cuts the last one."""
+
+    def __init__(self, path: Path) -> None:
+        is_folder = path.is_dir()
+        self._folder = path if is_folder else None
+        self._targets = path / TARGETS if is_folder else path
+        self._damaged = 0
+        if not self._targets.is_file():
+            wanted = f"it has no {TARGETS}" if is_folder else "no such file"
+            raise InputFileError(f"{path}: {wanted}; accepted: a recording's folder, or a targets file")
+
+    @property
+    def files(self) -> set[Path]:
+        """The inputs."""
+        return {self._targets.resolve()}
+
+    @contextmanager
+    def watched(self) -> Iterator[Iterator[Line]]:
+        """The lines of the targets file; on a terminal with a bar by bytes."""
+        if not sys.stderr.isatty():
+            yield self._lines(self._targets, lambda _count: None)
+            return
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task("export", total=self._targets.stat().st_size)
+            yield self._lines(self._targets, lambda count: progress.advance(task, count))
+
+    def messages(self, lines: Iterable[Line]) -> Iterator[Message]:
+        """All messages for viewers, by time."""
+        from fwav_companion.recording.exports.viewer_messages import ViewerMessages
+
+        viewer = ViewerMessages()
+        streams: list[Iterator[Message]] = [(message for line in lines for message in viewer.of_line(line))]
+        if self._folder is not None:
+            streams += [self._calibrations(), self._pictures(), self._annotations()]
+        return heapq.merge(*streams, key=lambda message: message[1])
+
+    def pictures_by_frame(self) -> dict[int, Path]:
+        """The paths of the recorded pictures, by frame number."""
+        return {each["frame"]: file for each, file in self._stamped() if isinstance(each.get("frame"), int)}
+
+    def print_damage(self) -> None:
+        """Report lines that were left out."""
+        if self._damaged:
+            noun = "line is" if self._damaged == 1 else "lines are"
+            print(f"NOTE: {self._damaged} {noun} incomplete and left out: the recording was cut off", file=sys.stderr)
+
+    def _lines(self, path: Path, advance: Any) -> Iterator[dict[str, Any]]:
+        decode = msgspec.json.Decoder(dict[str, Any]).decode
+        with path.open("rb") as file:
+            for raw in file:
+                advance(len(raw))
+                try:
+                    line = decode(raw)
+                except msgspec.DecodeError:
+                    self._damaged += 1
+                    continue
+                yield line
+
+    def _stamped(self) -> Iterator[tuple[dict[str, Any], Path]]:
+        """The stamps of the pictures that exist, with their paths."""
+        if self._folder is None or not (self._folder / STAMPS).is_file():
+            return
+        for each in self._lines(self._folder / STAMPS, lambda _count: None):
+            file = self._folder / PICTURES / Path(str(each.get("file"))).name
+            if file.is_file() and file.suffix.lower() in FORMATS:
+                yield each, file
+
+    def _pictures(self) -> Iterator[Message]:
+        from fwav_companion.recording.exports.viewer_messages import image
+
+        for each, file in self._stamped():
+            at_ns = _unix_ns(each)
+            if at_ns is not None:
+                yield image(at_ns, base64.b64encode(file.read_bytes()).decode(), FORMATS[file.suffix.lower()])
+
+    def _annotations(self) -> Iterator[Message]:
+        from fwav_companion.recording.exports.viewer_messages import drawn_detections
+
+        if self._folder is None or not (self._folder / DETECTIONS).is_file():
+            return
+        for each in self._lines(self._folder / DETECTIONS, lambda _count: None):
+            at_ns, found = _unix_ns(each), each.get("detections")
+            if at_ns is not None and isinstance(found, list):
+                yield drawn_detections(at_ns, [one for one in found if isinstance(one, dict)])
+
+    def _calibrations(self) -> Iterator[Message]:
+        """The lens, at the instant of the first picture; nothing for a lens that viewers have no model of."""
+        from fwav_companion.camera.brown_conrady import BrownConrady
+        from fwav_companion.config import load
+        from fwav_companion.recording.exports.viewer_messages import camera_calibration
+        from fwav_companion.service.configured_files import load_calibration, recorded_configuration
+
+        first = next(self._pictures(), None)
+        if self._folder is None or first is None:
+            return
+        try:
+            name, camera = recorded_configuration(self._folder)
+            lens = load_calibration(load(name, camera)).lens
+        except UserError as error:
+            print(f"NOTE: without the camera's calibration: {error}", file=sys.stderr)
+            return
+        if isinstance(lens, BrownConrady) and not any(lens.distortion[5:]):
+            (fx, fy), (cx, cy) = lens.focal, lens.principal_point
+            matrix = [fx, lens.skew * fx, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+            yield camera_calibration(first[1], lens.image_size, matrix, list(lens.distortion[:5]))
+
+
+def _unix_ns(line: dict[str, Any]) -> int | None:
+    """The exposure, else the arrival, on the recording's clock."""
+    for key in ("time_unix", "received_unix"):
+        value = line.get(key)
+        if isinstance(value, int | float):
+            return max(0, round(value * 1e6) * 1000)
+    return None

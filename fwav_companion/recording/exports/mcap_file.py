@@ -1,0 +1,36 @@
+"""SHELL: a recording as an MCAP file with JSON messages, for Foxglove and Lichtblick. The extra ``mcap``.
+
+Uncompressed, so that the pure Python library is enough on every board, and the same recording gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import BinaryIO, Final
+
+import msgspec
+
+from fwav_companion.recording.exports.viewer_messages import Message
+from fwav_companion.recording.exports.viewer_schemas import TOPICS, schema_text
+
+CHUNK_BYTES: Final = 1_048_576
+HEIGHTS: Final = {"altitude": "metres above mean sea level", "map": "ENU about the origin, metres"}
+
+
+def write_mcap(file: BinaryIO, messages: Iterable[Message]) -> int:
+    """Write the messages in order, as they come; returns their number. Memory is that of one chunk and its indices."""
+    from mcap.writer import CompressionType, Writer
+
+    writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+    writer.start(profile="", library="fwav-companion")
+    schemas = {
+        name: writer.register_schema(name, "jsonschema", schema_text(name)) for name in sorted({*TOPICS.values()})
+    }
+    channels = {topic: writer.register_channel(topic, "json", schemas[name]) for topic, name in TOPICS.items()}
+    writer.add_metadata("fwav-companion", HEIGHTS)
+    encode, count = msgspec.json.Encoder().encode, 0
+    for topic, at_ns, content in messages:
+        writer.add_message(channels[topic], at_ns, encode(content), at_ns, count & 0xFFFFFFFF)
+        count += 1
+    writer.finish()
+    return count

@@ -1,0 +1,199 @@
+"""MCAP, GPX and KMZ of ``export``, opened by readers of other projects."""
+
+import base64
+import inspect
+import io
+import json
+import re
+import shutil
+import xml.etree.ElementTree as ET
+import zipfile
+from pathlib import Path
+
+import foxglove.messages
+import jsonschema
+import pytest
+from fastkml import kml
+from mcap.reader import make_reader
+
+from fwav_companion.cli.main import main
+from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
+
+LAYOUT = Path(__file__).parents[2] / "docs/examples/layout.json"
+T0 = 1_790_000_000.0
+JPEG = bytes.fromhex("ffd8ffe000104a46494600010100000100010000ffd9")
+COV = [[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]]
+
+
+def target(second, **changes):
+    usual = {
+        "type": "target", "time_unix": T0 + second, "time_boot": 5.0 + second, "frame": second, "track": 1,
+        "label": "person", "state": "confirmed", "north": 10.0, "east": 20.0, "down": 1.0, "lat": 48.1, "lon": 11.5,
+        "alt_amsl": 500.0, "cov": COV, "vel": None, "vel_cov": None,
+        "relative": {"north": 10.0, "east": 20.0, "down": 31.0, "cov": COV}, "fix": {"north": 1, "east": 1, "down": 1},
+    }  # fmt: skip
+    return usual | changes
+
+
+LINES = [
+    {"type": "header", "schema": 1, "version": "1", "origin": {"lat": 48.1, "lon": 11.5, "alt_amsl": 500.0},
+     "unix_offset_s": T0 - 100.0, "config": {}},
+    {"type": "clock", "time_monotonic": 100.5, "time_boot": 5.0, "host_from_autopilot_s": 95.0, "sigma_s": 1e-4,
+     "bound_s": 1e-3, "round_trip_s": 2e-3, "rate": 1.0, "utc_minus_time_unix_s": None, "status": "settled"},
+    target(1), target(2), target(2, track=2, label="", state="tentative", north=-3.0, vel=[1.0, 0.0, 0.0]),
+    {"type": "calibration", "time_unix": T0 + 2.5, "time_offset_s": 0.01, "time_offset_sigma_s": 0.001,
+     "mount_deg": [1.0, 2.0, 3.0], "mount_sigma_deg": [0.1, 0.2, 0.3], "status": "calibrated", "reason": None,
+     "mistake": "turned by 90 degrees"},
+    target(3, state="dropped", reason="not_seen", track=2, label=""),
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A recording as `run` leaves it after kill -9: the last line is cut off."""
+    recording = tmp_path / "00001-20260921T141320Z"
+    (recording / "pictures").mkdir(parents=True)
+    text = "".join(json.dumps(line) + "\n" for line in LINES)
+    (recording / "targets.jsonl").write_text(text + '{"type":"target","time_un')
+    found = [{"u": 100.0, "v": 50.0, "label": "person", "box": [90, 40, 110, 60]}]
+    frames = [{"time_unix": T0 + n, "frame": n, "detections": found} for n in (1, 2)]
+    (recording / "detections.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+    stamps = [{"file": f"{n:06d}.jpg", "frame": n, "time_unix": T0 + n} for n in (1, 2)]
+    (recording / "pictures/stamps.jsonl").write_text("".join(json.dumps(stamp) + "\n" for stamp in stamps))
+    for stamp in stamps:
+        (recording / "pictures" / stamp["file"]).write_bytes(JPEG)
+    return recording
+
+
+def exported(folder, name, capsys):
+    out = folder.parent / name
+    assert main(["export", str(folder), "--out", str(out)]) == 0
+    assert "1 line is incomplete" in capsys.readouterr().err
+    return out.read_bytes()
+
+
+def read(data):
+    """(schema's name, topic, time, content) of every message, each validated against the schema in the file."""
+    reader = make_reader(io.BytesIO(data), validate_crcs=True)
+    messages = []
+    for schema, channel, message in reader.iter_messages():
+        content = json.loads(message.data)
+        assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+        known = json.loads(schema.data)
+        jsonschema.validate(content, known)
+        messages.append((schema.name, channel.topic, message.log_time, content))
+    return messages
+
+
+def of(messages, topic):
+    return [content for _, name, _, content in messages if name == topic]
+
+
+def test_mcap_has_every_line_picture_and_detection_in_order_of_time(folder, capsys):
+    messages = read(exported(folder, "a.mcap", capsys))
+    assert all(TOPICS[topic] == schema for schema, topic, _, _ in messages)
+    times = [at for _, _, at, _ in messages]
+    assert times == sorted(times)
+    (clock,) = of(messages, "/clock")
+    assert clock["timestamp"] == {"sec": int(T0), "nsec": 500_000_000}
+    assert [base64.b64decode(each["data"]) for each in of(messages, "/camera/image")] == [JPEG, JPEG]
+    first = of(messages, "/camera/annotations")[0]
+    assert first["points"][0]["points"][2] == {"x": 110, "y": 60}
+    (calibration,) = of(messages, "/self_calibration")
+    assert (calibration["mount_y_deg"], calibration["mount_sigma_z_deg"]) == (2.0, 0.3)
+    assert [each["message"] for each in of(messages, "/log")] == [
+        "camera mount: turned by 90 degrees", "track 2 dropped: not_seen",
+    ]  # fmt: skip
+
+
+def test_mcap_places_are_enu_with_their_covariance(folder, capsys):
+    messages = read(exported(folder, "a.mcap", capsys))
+    fix = of(messages, "/targets/location")[0]
+    assert fix["position_covariance"] == [9.0, 1.0, 0.0, 1.0, 4.0, 0.0, 0.0, 0.0, 0.25]
+    scene = of(messages, "/targets/scene")
+    assert scene[0]["entities"][0]["spheres"][0]["pose"]["position"] == {"x": 20.0, "y": 10.0, "z": -1.0}
+    assert scene[-1]["deletions"][0]["id"] == "track 2"
+    assert of(messages, "/tf")[0]["translation"] == {"x": 0.0, "y": 0.0, "z": 30.0}
+    vehicle = of(messages, "/vehicle/location")[0]
+    assert (vehicle["latitude"], vehicle["altitude"]) == (pytest.approx(48.1), pytest.approx(530.0))
+    estimate = of(messages, "/targets/estimates")[0]
+    assert (estimate["sigma_north"], estimate["sigma_east"], estimate["sigma_down"]) == (2.0, 3.0, 0.5)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.kmz", "a.gpx", "a.kml"])
+def test_export_twice_gives_the_same_bytes(folder, capsys, name):
+    assert exported(folder, name, capsys) == exported(folder, name, capsys)
+
+
+def test_schemas_have_the_fields_of_foxgloves_own_messages():
+    for name, schema in SCHEMAS.items():
+        if name.startswith("foxglove."):
+            message = getattr(foxglove.messages, name.removeprefix("foxglove."))
+            known = set(re.findall(r"\w+", str(inspect.signature(message)).lower()))
+            assert {key.lower() for key in schema["properties"]} <= known, name
+
+
+def walked(tree):
+    """Every text of a JSON tree, its keys included."""
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            yield key
+            yield from walked(value)
+    elif isinstance(tree, list):
+        for value in tree:
+            yield from walked(value)
+    elif isinstance(tree, str):
+        yield tree
+
+
+def test_layouts_topics_and_keys_are_those_that_are_written(folder, capsys):
+    messages = read(exported(folder, "a.mcap", capsys))
+    paths = {text for text in walked(json.loads(LAYOUT.read_text())) if text.startswith("/")}
+    assert {path.partition(".")[0] for path in paths} >= {"/camera/image", "/targets/scene", "/clock", "/log"}
+    for path in paths:
+        topic, _, key = path.partition(".")
+        assert topic in TOPICS
+        if key:
+            assert all(isinstance(each[key], float) for each in of(messages, topic))
+
+
+def test_layout_shows_every_panel_that_it_configures():
+    layout = json.loads(LAYOUT.read_text())
+    assert set(layout["configById"]) == {text for text in walked(layout["layout"]) if "!" in text}
+
+
+def test_gpx_has_a_waypoint_for_each_confirmed_target(folder, capsys):
+    root = ET.fromstring(exported(folder, "a.gpx", capsys))
+    space = {"g": "http://www.topografix.com/GPX/1/1"}
+    (point,) = root.findall("g:wpt", space)
+    assert (point.get("lat"), point.get("lon"), point.find("g:ele", space).text) == ("48.1", "11.5", "500.00")
+    assert point.find("g:time", space).text == "2026-09-21T14:13:22.000Z"
+
+
+def test_kmz_has_the_picture_of_the_last_sight(folder, capsys):
+    with zipfile.ZipFile(io.BytesIO(exported(folder, "a.kmz", capsys))) as archive:
+        assert archive.namelist() == ["doc.kml", "pictures/000002.jpg"]
+        assert archive.read("pictures/000002.jpg") == JPEG
+        document = kml.KML.from_string(archive.read("doc.kml").decode().partition("?>")[2])
+    (pin, _ellipse) = document.features[0].features[0].features
+    assert 'src="pictures/000002.jpg"' in pin.description
+
+
+@pytest.mark.parametrize(("out", "told"), [("a.xlsx", "accepted: FILE with .mcap"), ("a", "accepted: FILE with .mcap")])
+def test_unknown_suffix_is_one_line(folder, capsys, out, told):
+    assert main(["export", str(folder), "--out", str(folder / out)]) == 2
+    err = capsys.readouterr().err
+    assert told in err
+    assert err.count("\n") == 1
+
+
+def test_folder_without_targets_is_one_line(folder, capsys):
+    (folder / "targets.jsonl").unlink()
+    assert main(["export", str(folder), "--out", str(folder / "a.mcap")]) == 2
+    assert "it has no targets.jsonl" in capsys.readouterr().err
+
+
+def test_targets_file_alone_is_enough(folder, capsys):
+    alone = folder.parent / "targets.jsonl"
+    shutil.copy(folder / "targets.jsonl", alone)
+    assert of(read(exported(alone, "b.mcap", capsys)), "/camera/image") == []
