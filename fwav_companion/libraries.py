@@ -16,7 +16,6 @@ EXTRAS = {
     "cryptography": "tak",
     "dask": "study",
     "distributed": "study",
-    "foxglove": "foxglove",
     "matplotlib": "demo",
     "mcap": "mcap",
     "onnxruntime": "onnx",

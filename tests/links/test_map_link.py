@@ -200,8 +200,8 @@ def test_plain_server_is_named_as_one(files):
         link, _ = make_map_link(unit(files, port), lambda _name, up, why: states.append((up, why)))
         link.start()
         async with asyncio.timeout(20):
-            while not states:
-                await asyncio.sleep(0.01)  # noqa: ASYNC110
+            while not states:  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
         link.close()
         server.close()
         return states
