@@ -10,9 +10,9 @@ from math import sqrt
 from typing import Any, Final
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.ellipses import circle_radius, ellipse_outline
+from fwav_companion.geometry.ellipses import ellipse_outline
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.recording.exports.base import SHARE
+from fwav_companion.recording.exports.base import SHARE, ellipse95
 from fwav_companion.recording.lines import Line
 
 Message = tuple[str, int, dict[str, Any]]
@@ -76,7 +76,7 @@ class ViewerMessages:
                 "sigma_north": sigmas[0],
                 "sigma_east": sigmas[1],
                 "sigma_down": sigmas[2],
-                "radius95": circle_radius(line["cov"], SHARE),
+                "major95": ellipse95(line["cov"]).major_m,
             },
         )
         if line["lat"] is not None:

@@ -70,7 +70,7 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
     "foxglove.Log": _object(timestamp=TIME, level={"type": "integer"}, message=TEXT, name=TEXT),
     "fwav.Target": _object(
         timestamp=TIME, track={"type": "integer"}, label=TEXT, state=TEXT, north=NUMBER, east=NUMBER, down=NUMBER,
-        sigma_north=NUMBER, sigma_east=NUMBER, sigma_down=NUMBER, radius95=NUMBER,
+        sigma_north=NUMBER, sigma_east=NUMBER, sigma_down=NUMBER, major95=NUMBER,
     ),
     "fwav.Clock": _object(
         timestamp=TIME, host_from_autopilot_s=NUMBER, sigma_s=NUMBER, bound_s=NUMBER, round_trip_s=NUMBER, status=TEXT
