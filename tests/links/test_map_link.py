@@ -15,6 +15,8 @@ from fwav_companion.links.map_server import MapServer
 
 EVENT = b'<?xml version="1.0" encoding="UTF-8"?>\n<event version="2.0" uid="u"/><x></event>'
 PASSWORD = "atakatak"
+CLOSING_S = 0.05
+"""Some turns of the loop, in which aborted transports close their sockets."""
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +65,7 @@ def run(server, until, sends=3):
                 await asyncio.sleep(0.01)
         status = link.status()
         link.close()
-        await asyncio.sleep(0)
+        await asyncio.sleep(CLOSING_S)
         return status
 
     return states, asyncio.run(session())
@@ -183,6 +185,7 @@ def test_server_that_never_reads_costs_a_bounded_queue_and_is_reported(authority
                 await asyncio.sleep(0.01)
         dropped = link.status().dropped
         link.close()
+        await asyncio.sleep(CLOSING_S)
         return states, dropped
 
     with TakServer(tmp_path, authority, *authority.issue("tak.example"), behaviour="never_reads") as server:
@@ -194,7 +197,11 @@ def test_server_that_never_reads_costs_a_bounded_queue_and_is_reported(authority
 
 def test_plain_server_is_named_as_one(files):
     async def session():
-        server = await asyncio.start_server(lambda _r, w: w.write(b"<event></event>\n" * 9), "127.0.0.1", 0)
+        def greet(_reader, writer):
+            writer.write(b"<event></event>\n" * 9)
+            writer.close()
+
+        server = await asyncio.start_server(greet, "127.0.0.1", 0)
         port = server.sockets[0].getsockname()[1]
         states = []
         link, _ = make_map_link(unit(files, port), lambda _name, up, why: states.append((up, why)))
@@ -204,6 +211,7 @@ def test_plain_server_is_named_as_one(files):
                 await asyncio.sleep(0.01)
         link.close()
         server.close()
+        await asyncio.sleep(CLOSING_S)
         return states
 
     assert "does not speak TLS" in asyncio.run(session())[0][1]
