@@ -162,7 +162,7 @@ def _configure(folder: Path, autopilot: int, detections: int, *, tcp: int, udp: 
         ('"serial:///dev/serial0:921600"', f'"udpin://127.0.0.1:{autopilot}"'),
         ("udpout://127.0.0.1:14550", f"udpin://127.0.0.1:{udp}"),
         ("udpin://127.0.0.1:14601", f"udpin://127.0.0.1:{detections}"),
-        ('file = ""', f'file = "{folder}/status.json"'),
+        ('\nfile = ""', f'\nfile = "{folder}/status.json"'),
         ('directory = ""                # "" records', f'directory = "{folder}/records"  # "" records'),
         ("self_calibration = false", "self_calibration = true"),
     ):

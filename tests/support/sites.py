@@ -22,7 +22,7 @@ class Site:
         self.replace('"serial:///dev/serial0:921600"', f'"udpin://127.0.0.1:{self.autopilot_port}"')
         self.replace("udpout://127.0.0.1:14550", f"udpout://127.0.0.1:{self.ground.port}")
         self.replace("udpin://127.0.0.1:14601", f"udpin://127.0.0.1:{self.detections_port}")
-        self.replace('file = ""', f'file = "{folder}/status.json"')
+        self.replace('\nfile = ""', f'\nfile = "{folder}/status.json"')
 
     def replace(self, old: str, new: str) -> None:
         path = self.folder / "fwav-companion.toml"
