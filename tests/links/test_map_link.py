@@ -93,11 +93,11 @@ def test_right_certificates_deliver_whole_events(authority, files, tmp_path, for
     assert (status.bytes_out, status.dropped) == (3 * len(EVENT), 0)
 
 
-@pytest.mark.parametrize("folder", ["certs/", ""])
-def test_package_gives_address_and_certificates(authority, files, tmp_path, folder):
+@pytest.mark.parametrize("layout", ["atak", "itak"])
+def test_package_of_pytak_gives_address_and_certificates(authority, files, tmp_path, layout):
     with TakServer(tmp_path, authority, *authority.issue("tak.example")) as server:
-        path, connect = tmp_path / "dp.zip", f"127.0.0.1:{server.port}:ssl"
-        package(path, connect, (files / "ca.p12").read_bytes(), (files / "unit.p12").read_bytes(), PASSWORD, folder)
+        path = tmp_path / "dp.zip"
+        package(path, "127.0.0.1", server.port, files / "ca.p12", files / "unit.p12", PASSWORD, layout)
         given = MapServer(package=str(path))
         assert str(map_url(given)) == f"tls://127.0.0.1:{server.port}"
         run(given, lambda _: len(server.events) == 3)

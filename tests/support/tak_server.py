@@ -10,8 +10,8 @@ import ipaddress
 import socket
 import ssl
 import threading
-import zipfile
 
+import pytak
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -72,26 +72,26 @@ def p12(certificate, key, password, authorities=()):
     return pkcs12.serialize_key_and_certificates(b"unit", key, certificate, authorities or None, encryption)
 
 
-def package(path, connect, ca_p12, client_p12, password, folder="certs/"):
-    """A data package as TAK servers hand them out; "" as folder: as iTAK wants it."""
-    entries = {
-        "count": "1", "description0": "Search", "enabled0": "true", "connectString0": connect,
-        "caLocation0": "cert/caCert.p12", "caPassword0": password,
-        "certificateLocation0": "cert/clientCert.p12", "clientPassword0": password,
-    }  # fmt: skip
-    listed = "".join(
-        f'<entry key="{key}" class="class java.lang.String">{value}</entry>' for key, value in entries.items()
+def package(path, host, port, ca_p12, client_p12, password, layout="atak"):
+    """A data package as PyTAK makes it for a client. ``layout``: atak, with a folder, or itak, without one."""
+    preferences = pytak.build_connection_config_pref_xml(
+        stream_description="Search",
+        streaming_host=host,
+        streaming_port=port,
+        ca_password=password,
+        client_password=password,
+        location_callsign="unit",
+        package_layout=layout,
     )
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("MANIFEST/manifest.xml", '<MissionPackageManifest version="2"/>')
-        archive.writestr(
-            f"{folder}config.pref",
-            "<?xml version='1.0' encoding='ASCII'?><preferences>"
-            f'<preference version="1" name="cot_streams">{listed}'
-            "</preference></preferences>",
-        )
-        archive.writestr(f"{folder}caCert.p12", ca_p12)
-        archive.writestr(f"{folder}clientCert.p12", client_p12)
+    manifest = pytak.build_connection_manifest_xml(uid="1", display_name="Search", package_layout=layout)
+    made = pytak.build_connection_data_package_zip(
+        config_pref_xml=preferences,
+        manifest_xml=manifest,
+        client_p12_path=str(client_p12),
+        trust_p12_path=str(ca_p12),
+        package_layout=layout,
+    )
+    path.write_bytes(made)
 
 
 class TakServer:
