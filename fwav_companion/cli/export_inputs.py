@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import heapq
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -19,7 +18,17 @@ from fwav_companion.recording.lines import Line
 if TYPE_CHECKING:
     from fwav_companion.recording.exports.viewer_messages import Message
 
+T = TypeVar("T")
 FORMATS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}
+
+
+class _DetectedFrame(msgspec.Struct):
+    """A line of detections, with what export reads of it."""
+
+    frame: int | None = None
+    time_unix: float | None = None
+    received_unix: float | None = None
+    detections: msgspec.Raw = msgspec.Raw(b"[]")
 
 
 class RecordedFlight:
@@ -43,7 +52,7 @@ class RecordedFlight:
     def watched(self) -> Iterator[Iterator[Line]]:
         """The lines of the targets file; on a terminal with a bar by bytes."""
         if not sys.stderr.isatty():
-            yield self._lines(self._targets, lambda _count: None)
+            yield self._lines(self._targets, _ignore)
             return
         from rich.console import Console
         from rich.progress import Progress
@@ -58,8 +67,9 @@ class RecordedFlight:
 
         viewer = ViewerMessages()
         streams: list[Iterator[Message]] = [(message for line in lines for message in viewer.of_line(line))]
-        if self._folder is not None:
-            streams += [self._calibrations(), self._pictures(), self._annotations()]
+        if self._folder is None:
+            return streams[0]
+        streams += [self._calibrations(), self._pictures(), self._annotations()]
         return heapq.merge(*streams, key=lambda message: message[1])
 
     def pictures_by_frame(self) -> dict[int, Path]:
@@ -72,13 +82,15 @@ class RecordedFlight:
             noun = "line is" if self._damaged == 1 else "lines are"
             print(f"NOTE: {self._damaged} {noun} incomplete and left out: the recording was cut off", file=sys.stderr)
 
-    def _lines(self, path: Path, advance: Any) -> Iterator[dict[str, Any]]:
-        decode = msgspec.json.Decoder(dict[str, Any]).decode
+    def _lines(self, path: Path, advance: Callable[[int], None]) -> Iterator[dict[str, Any]]:
+        return self._decoded(path, msgspec.json.Decoder(dict[str, Any]), advance)
+
+    def _decoded(self, path: Path, decoder: msgspec.json.Decoder[T], advance: Callable[[int], None]) -> Iterator[T]:
         with path.open("rb") as file:
             for raw in file:
                 advance(len(raw))
                 try:
-                    line = decode(raw)
+                    line = decoder.decode(raw)
                 except msgspec.DecodeError:
                     self._damaged += 1
                     continue
@@ -88,9 +100,10 @@ class RecordedFlight:
         """The stamps of the pictures that exist, with their paths."""
         if self._folder is None or not (self._folder / STAMPS).is_file():
             return
-        for each in self._lines(self._folder / STAMPS, lambda _count: None):
-            file = self._folder / PICTURES / Path(str(each.get("file"))).name
-            if file.is_file() and file.suffix.lower() in FORMATS:
+        pictures = {file.name: file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS}
+        for each in self._lines(self._folder / STAMPS, _ignore):
+            file = pictures.get(str(each.get("file")).rpartition("/")[2])
+            if file is not None:
                 yield each, file
 
     def _pictures(self) -> Iterator[Message]:
@@ -99,17 +112,20 @@ class RecordedFlight:
         for each, file in self._stamped():
             at_ns = _unix_ns(each)
             if at_ns is not None:
-                yield image(at_ns, base64.b64encode(file.read_bytes()).decode(), FORMATS[file.suffix.lower()])
+                yield image(at_ns, file.read_bytes(), FORMATS[file.suffix.lower()])
 
     def _annotations(self) -> Iterator[Message]:
+        """The detections of the frames with a picture: drawn into an older picture they would mislead."""
         from fwav_companion.recording.exports.viewer_messages import drawn_detections
 
-        if self._folder is None or not (self._folder / DETECTIONS).is_file():
+        kept = self.pictures_by_frame().keys()
+        if self._folder is None or not kept or not (self._folder / DETECTIONS).is_file():
             return
-        for each in self._lines(self._folder / DETECTIONS, lambda _count: None):
-            at_ns, found = _unix_ns(each), each.get("detections")
-            if at_ns is not None and isinstance(found, list):
-                yield drawn_detections(at_ns, [one for one in found if isinstance(one, dict)])
+        for each in self._decoded(self._folder / DETECTIONS, msgspec.json.Decoder(_DetectedFrame), _ignore):
+            if each.frame in kept:  # the others are many, and their detections are not looked at
+                at_ns, found = _unix_ns(msgspec.structs.asdict(each)), msgspec.json.decode(each.detections)
+                if at_ns is not None and isinstance(found, list):
+                    yield drawn_detections(at_ns, [one for one in found if isinstance(one, dict)])
 
     def _calibrations(self) -> Iterator[Message]:
         """The lens, at the instant of the first picture; nothing for a lens that viewers have no model of."""
@@ -131,6 +147,10 @@ class RecordedFlight:
             (fx, fy), (cx, cy) = lens.focal, lens.principal_point
             matrix = [fx, lens.skew * fx, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
             yield camera_calibration(first[1], lens.image_size, matrix, list(lens.distortion[:5]))
+
+
+def _ignore(_count: int) -> None:
+    """Take the bytes read, without a progress bar."""
 
 
 def _unix_ns(line: dict[str, Any]) -> int | None:

@@ -28,6 +28,7 @@ BENCHMARKS = (
     "patch",
     "camera",
     "study",
+    "export",
 )
 """Modules of this package, each with ``measure() -> list[Figure]``."""
 

@@ -12,9 +12,12 @@ from pathlib import Path
 
 import foxglove.messages
 import jsonschema
+import numpy as np
 import pytest
 from fastkml import kml
 from mcap.reader import make_reader
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from fwav_companion.cli.main import main
 from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
@@ -65,6 +68,14 @@ def folder(tmp_path):
     return recording
 
 
+def covariance_of(disc):
+    """The covariance in ENU, (2, 2) in one row, of which a turned disc is the 95 % ellipse."""
+    q = disc["pose"]["orientation"]
+    turn = Rotation.from_quat([q["x"], q["y"], q["z"], q["w"]]).as_matrix()[:2, :2]
+    semi = np.array([disc["size"]["x"], disc["size"]["y"]]) / 2.0
+    return (turn @ np.diag(semi**2 / chi2.ppf(0.95, 2)) @ turn.T).ravel()
+
+
 def exported(folder, name, capsys):
     out = folder.parent / name
     assert main(["export", str(folder), "--out", str(out)]) == 0
@@ -113,6 +124,7 @@ def test_mcap_places_are_enu_with_their_covariance(folder, capsys):
     scene = of(messages, "/targets/scene")
     assert scene[0]["entities"][0]["spheres"][0]["pose"]["position"] == {"x": 20.0, "y": 10.0, "z": -1.0}
     assert scene[-1]["deletions"][0]["id"] == "track 2"
+    assert covariance_of(scene[0]["entities"][0]["cylinders"][0]) == pytest.approx([9.0, 1.0, 1.0, 4.0])
     assert of(messages, "/tf")[0]["translation"] == {"x": 0.0, "y": 0.0, "z": 30.0}
     vehicle = of(messages, "/vehicle/location")[0]
     assert (vehicle["latitude"], vehicle["altitude"]) == (pytest.approx(48.1), pytest.approx(530.0))

@@ -28,9 +28,8 @@ def write_mcap(file: BinaryIO, messages: Iterable[Message]) -> int:
     }
     channels = {topic: writer.register_channel(topic, "json", schemas[name]) for topic, name in TOPICS.items()}
     writer.add_metadata("fwav-companion", HEIGHTS)
-    encode, count = msgspec.json.Encoder().encode, 0
-    for topic, at_ns, content in messages:
-        writer.add_message(channels[topic], at_ns, encode(content), at_ns, count & 0xFFFFFFFF)
-        count += 1
+    encode, add, count = msgspec.json.Encoder().encode, writer.add_message, 0
+    for count, (topic, at_ns, content) in enumerate(messages, 1):
+        add(channels[topic], at_ns, encode(content), at_ns, count & 0xFFFFFFFF)
     writer.finish()
     return count

@@ -5,30 +5,32 @@ The frame ``map`` is ENU about the origin, as viewers expect; ``vehicle`` and ``
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import sqrt
+from math import cos, radians, sin, sqrt
 from typing import Any, Final
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.ellipses import ellipse_outline
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.recording.exports.base import SHARE, ellipse95
+from fwav_companion.recording.exports.base import Ellipse95, ellipse95
 from fwav_companion.recording.lines import Line
 
 Message = tuple[str, int, dict[str, Any]]
 """Topic, time in Unix nanoseconds, content."""
+Stamp = dict[str, int]
+"""An instant as viewers have it."""
 MAP, CAMERA = "map", "camera"
 UPRIGHT: Final = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 COLOURS: Final = {
-    "confirmed": (0.9, 0.25, 0.05), "coasting": (0.85, 0.65, 0.0), "tentative": (0.5, 0.5, 0.5),
-    "dropped": (0.3, 0.3, 0.3),
-}  # fmt: skip
+    "confirmed": {"r": 0.9, "g": 0.25, "b": 0.05, "a": 1.0},
+    "coasting": {"r": 0.85, "g": 0.65, "b": 0.0, "a": 1.0},
+    "tentative": {"r": 0.5, "g": 0.5, "b": 0.5, "a": 1.0},
+    "dropped": {"r": 0.3, "g": 0.3, "b": 0.3, "a": 1.0},
+}
 LOG_INFO, LOG_WARNING = 2, 3
-AXES: Final = ("north", "east", "down")
 CLOCK_KEYS: Final = ("host_from_autopilot_s", "sigma_s", "bound_s", "round_trip_s", "status")
 KNOWN_COVARIANCE = 3
-LOOP = 1
-"""LinePrimitive.LINE_LOOP."""
+THIN_M = 0.02
+"""Thickness of an ellipse's disc."""
+DISC_COLOURS: Final = {state: {**colour, "a": 0.4} for state, colour in COLOURS.items()}
 PIXEL_LOOP = 2
 """PointsAnnotation.LINE_LOOP."""
 
@@ -42,7 +44,7 @@ class ViewerMessages:
         self._last_ns = 0
         self._placed_ns = -1
 
-    def of_line(self, line: Line) -> Iterator[Message]:
+    def of_line(self, line: Line) -> list[Message]:
         """The messages of one line of a targets file."""
         kind = line["type"]
         if kind == "header":
@@ -51,68 +53,77 @@ class ViewerMessages:
             origin = line["origin"]
             self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
         if kind == "target":
-            yield from self._of_target(line)
-        elif kind == "clock":
+            return self._of_target(line)
+        if kind == "clock":
             at_ns = self._at(line["time_monotonic"] + self._unix_offset_s)
-            yield "/clock", at_ns, {"timestamp": stamp(at_ns), **{key: line[key] for key in CLOCK_KEYS}}
-        elif kind == "calibration":
-            yield from self._of_calibration(line)
-        elif kind in ("terrain", "home"):
+            return [("/clock", at_ns, {"timestamp": stamp(at_ns), **{key: line[key] for key in CLOCK_KEYS}})]
+        if kind == "calibration":
+            return self._of_calibration(line)
+        if kind in ("terrain", "home"):
             at_ns = self._at(line["time_unix"])
             text = ", ".join(f"{key} {value}" for key, value in line.items() if key not in ("type", "time_unix"))
-            yield self._log(at_ns, f"{kind}: {text}", LOG_INFO)
+            return [self._log(at_ns, f"{kind}: {text}", LOG_INFO)]
+        return []
 
-    def _of_target(self, line: Line) -> Iterator[Message]:
-        at_ns = self._at(line["time_unix"])
+    def _of_target(self, line: Line) -> list[Message]:
+        at_ns, cov = self._at(line["time_unix"]), line["cov"]
+        at = stamp(at_ns)
         place: Vector3 = (line["north"], line["east"], line["down"])
-        yield "/targets/scene", at_ns, _scene(at_ns, line, place)
-        sigmas = [sqrt(max(0.0, line["cov"][i][i])) for i in range(3)]
-        yield (
-            "/targets/estimates",
-            at_ns,
-            {
-                "timestamp": stamp(at_ns),
-                **{key: line[key] for key in ("track", "label", "state", "north", "east", "down")},
-                "sigma_north": sigmas[0],
-                "sigma_east": sigmas[1],
-                "sigma_down": sigmas[2],
-                "major95": ellipse95(line["cov"]).major_m,
-            },
-        )
+        ellipse = ellipse95(cov)
+        estimate = {
+            "timestamp": at,
+            "track": line["track"],
+            "label": line["label"],
+            "state": line["state"],
+            "north": place[0],
+            "east": place[1],
+            "down": place[2],
+            "sigma_north": sqrt(max(0.0, cov[0][0])),
+            "sigma_east": sqrt(max(0.0, cov[1][1])),
+            "sigma_down": sqrt(max(0.0, cov[2][2])),
+            "major95": ellipse.major_m,
+        }
+        messages: list[Message] = [
+            ("/targets/scene", at_ns, _scene(at, line, place, ellipse)),
+            ("/targets/estimates", at_ns, estimate),
+        ]
         if line["lat"] is not None:
-            yield "/targets/location", at_ns, _location(at_ns, line["lat"], line["lon"], line["alt_amsl"], line["cov"])
+            location = _location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
+            messages.append(("/targets/location", at_ns, location))
         relative = line.get("relative")
         if relative is not None and at_ns != self._placed_ns:
             self._placed_ns = at_ns  # one pose a frame, by its first target
-            yield from self._of_vehicle(at_ns, tuple(p - relative[key] for p, key in zip(place, AXES, strict=True)))
+            north, east, down = place
+            vehicle_ned = (north - relative["north"], east - relative["east"], down - relative["down"])
+            messages += self._of_vehicle(at_ns, at, vehicle_ned)
         if line["state"] == "dropped":
-            yield self._log(at_ns, f"track {line['track']} dropped: {line.get('reason', '')}", LOG_INFO)
+            messages.append(self._log(at_ns, f"track {line['track']} dropped: {line.get('reason', '')}", LOG_INFO))
+        return messages
 
-    def _of_vehicle(self, at_ns: int, vehicle_ned: tuple[float, ...]) -> Iterator[Message]:
-        north, east, down = vehicle_ned
-        yield (
-            "/tf",
-            at_ns,
-            {
-                "timestamp": stamp(at_ns),
-                "parent_frame_id": MAP,
-                "child_frame_id": "vehicle",
-                "translation": enu((north, east, down)),
-                "rotation": UPRIGHT,
-            },
-        )
+    def _of_vehicle(self, at_ns: int, at: Stamp, vehicle_ned: Vector3) -> list[Message]:
+        transform = {
+            "timestamp": at,
+            "parent_frame_id": MAP,
+            "child_frame_id": "vehicle",
+            "translation": enu(vehicle_ned),
+            "rotation": UPRIGHT,
+        }
+        messages: list[Message] = [("/tf", at_ns, transform)]
         if self._plane is not None:
-            at = self._plane.geodetic_from_ned((north, east, down))
-            yield "/vehicle/location", at_ns, _location(at_ns, at.lat_deg, at.lon_deg, at.alt_amsl_m, None)
+            place = self._plane.geodetic_from_ned(vehicle_ned)
+            location = _location(at, place.lat_deg, place.lon_deg, place.alt_amsl_m, None)
+            messages.append(("/vehicle/location", at_ns, location))
+        return messages
 
-    def _of_calibration(self, line: Line) -> Iterator[Message]:
+    def _of_calibration(self, line: Line) -> list[Message]:
         at_ns = self._at(line["time_unix"])
         axes = {f"mount_{axis}_deg": line["mount_deg"][i] for i, axis in enumerate("xyz")}
         sigmas = {f"mount_sigma_{axis}_deg": line["mount_sigma_deg"][i] for i, axis in enumerate("xyz")}
         said = {key: line[key] for key in ("time_offset_s", "time_offset_sigma_s", "status")}
-        yield "/self_calibration", at_ns, {"timestamp": stamp(at_ns), **said, **axes, **sigmas}
+        messages: list[Message] = [("/self_calibration", at_ns, {"timestamp": stamp(at_ns), **said, **axes, **sigmas})]
         if "mistake" in line:
-            yield self._log(at_ns, f"camera mount: {line['mistake']}", LOG_WARNING)
+            messages.append(self._log(at_ns, f"camera mount: {line['mistake']}", LOG_WARNING))
+        return messages
 
     def _log(self, at_ns: int, text: str, level: int) -> Message:
         content = {"timestamp": stamp(at_ns), "level": level, "message": text, "name": "fwav-companion"}
@@ -123,9 +134,9 @@ class ViewerMessages:
         return self._last_ns
 
 
-def image(at_ns: int, jpeg_base64: str, form: str) -> Message:
-    """A recorded picture."""
-    content = {"timestamp": stamp(at_ns), "frame_id": CAMERA, "data": jpeg_base64, "format": form}
+def image(at_ns: int, data: bytes, form: str) -> Message:
+    """A recorded picture. The JSON encoder writes bytes as base64, as the schema has them."""
+    content = {"timestamp": stamp(at_ns), "frame_id": CAMERA, "data": data, "format": form}
     return "/camera/image", at_ns, content
 
 
@@ -138,7 +149,7 @@ def drawn_detections(at_ns: int, detections: list[dict[str, Any]]) -> Message:
             continue
         left, top, right, bottom = each.get("box") or (u - 8.0, v - 8.0, u + 8.0, v + 8.0)
         corners = [{"x": x, "y": y} for x, y in ((left, top), (right, top), (right, bottom), (left, bottom))]
-        orange = _colour("confirmed")
+        orange = COLOURS["confirmed"]
         points.append(
             {
                 "timestamp": stamp(at_ns),
@@ -177,7 +188,7 @@ def camera_calibration(at_ns: int, size: tuple[int, int], matrix: list[float], d
     return "/camera/calibration", at_ns, content
 
 
-def stamp(at_ns: int) -> dict[str, int]:
+def stamp(at_ns: int) -> Stamp:
     """An instant as viewers have it."""
     return {"sec": at_ns // 10**9, "nsec": at_ns % 10**9}
 
@@ -187,27 +198,17 @@ def enu(ned: Vector3) -> dict[str, float]:
     return {"x": ned[1], "y": ned[0], "z": -ned[2]}
 
 
-def _scene(at_ns: int, line: Line, place: Vector3) -> dict[str, Any]:
-    name, colour = f"track {line['track']}", _colour(line["state"])
-    if line["state"] == "dropped":
-        return {"deletions": [{"timestamp": stamp(at_ns), "type": 0, "id": name}], "entities": []}
-    outline = ellipse_outline(line["north"], line["east"], line["cov"], SHARE)
-    pose = {"position": enu(place), "orientation": UPRIGHT}
+def _scene(at: Stamp, line: Line, place: Vector3, ellipse: Ellipse95) -> dict[str, Any]:
+    name, state = f"track {line['track']}", line["state"] if line["state"] in COLOURS else "tentative"
+    if state == "dropped":
+        return {"deletions": [{"timestamp": at, "type": 0, "id": name}], "entities": []}
+    pose, colour = {"position": enu(place), "orientation": UPRIGHT}, COLOURS[state]
     entity = {
-        "timestamp": stamp(at_ns),
+        "timestamp": at,
         "frame_id": MAP,
         "id": name,
         "lifetime": {"sec": 0, "nsec": 0},
-        "lines": [
-            {
-                "type": LOOP,
-                "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": UPRIGHT},
-                "thickness": 2.0,
-                "scale_invariant": True,
-                "points": [enu((north, east, place[2])) for north, east in outline],
-                "color": colour,
-            }
-        ],
+        "cylinders": [_disc(pose["position"], ellipse, DISC_COLOURS[state])],
         "spheres": [{"pose": pose, "size": {"x": 0.3, "y": 0.3, "z": 0.3}, "color": colour}],
         "texts": [
             {
@@ -223,17 +224,26 @@ def _scene(at_ns: int, line: Line, place: Vector3) -> dict[str, Any]:
     return {"deletions": [], "entities": [entity]}
 
 
-def _location(at_ns: int, lat: float, lon: float, alt_amsl: float, cov: Any) -> dict[str, Any]:
-    """A place with its covariance in ENU; the altitude is above mean sea level, as the file's metadata says."""
-    order = (1, 0, 2)
-    signs = (1.0, 1.0, -1.0)
-    flat = (
-        [0.0] * 9
-        if cov is None
-        else [signs[i] * signs[j] * cov[order[i]][order[j]] for i in range(3) for j in range(3)]
-    )
+def _disc(position: Any, ellipse: Ellipse95, colour: dict[str, float]) -> dict[str, Any]:
+    """The 95 % ellipse as a flat elliptic cylinder. Its x axis is the larger one; angles count from east to north."""
+    half = 0.5 * radians(90.0 - ellipse.bearing_deg)
     return {
-        "timestamp": stamp(at_ns),
+        "pose": {"position": position, "orientation": {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}},
+        "size": {"x": 2.0 * ellipse.major_m, "y": 2.0 * ellipse.minor_m, "z": THIN_M},
+        "bottom_scale": 1.0,
+        "top_scale": 1.0,
+        "color": colour,
+    }
+
+
+def _location(at: Stamp, lat: float, lon: float, alt_amsl: float, cov: Any) -> dict[str, Any]:
+    """A place with its covariance in ENU; the altitude is above mean sea level, as the file's metadata says."""
+    flat = [0.0] * 9
+    if cov is not None:
+        (nn, ne, nd), (_, ee, ed), (_, _, dd) = cov
+        flat = [ee, ne, -ed, ne, nn, -nd, -ed, -nd, dd]
+    return {
+        "timestamp": at,
         "frame_id": MAP,
         "latitude": lat,
         "longitude": lon,
@@ -241,8 +251,3 @@ def _location(at_ns: int, lat: float, lon: float, alt_amsl: float, cov: Any) -> 
         "position_covariance": flat,
         "position_covariance_type": 0 if cov is None else KNOWN_COVARIANCE,
     }
-
-
-def _colour(state: str) -> dict[str, float]:
-    r, g, b = COLOURS.get(state, COLOURS["tentative"])
-    return {"r": r, "g": g, "b": b, "a": 1.0}

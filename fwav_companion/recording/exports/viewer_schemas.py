@@ -29,10 +29,7 @@ POSE: Final = _object(position=VECTOR, orientation=QUATERNION)
 COLOUR: Final = _object(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
 POINT2: Final = _object(x=NUMBER, y=NUMBER)
 
-LINE: Final = _object(
-    type={"type": "integer"}, pose=POSE, thickness=NUMBER, scale_invariant={"type": "boolean"}, points=_array(VECTOR),
-    color=COLOUR,
-)  # fmt: skip
+CYLINDER: Final = _object(pose=POSE, size=VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=COLOUR)
 SPHERE: Final = _object(pose=POSE, size=VECTOR, color=COLOUR)
 LABEL: Final = _object(
     pose=POSE, billboard={"type": "boolean"}, font_size=NUMBER, scale_invariant={"type": "boolean"}, color=COLOUR,
@@ -43,7 +40,7 @@ ENTITY: Final = _object(
     frame_id=TEXT,
     id=TEXT,
     lifetime=TIME,
-    lines=_array(LINE),
+    cylinders=_array(CYLINDER),
     spheres=_array(SPHERE),
     texts=_array(LABEL),
 )
