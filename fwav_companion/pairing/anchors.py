@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, norm, scale
-from fwav_companion.types import Corners, Detection, Lens, NoRay, Pixel, Sighting, StandingTarget
+from fwav_companion.types import Corners, Detection, Lens, NoRay, Outline, Pixel, Sighting, StandingTarget
 
 NEAR_NADIR = cos(radians(15.0))
 """Cosine of the angle to the nadir within which a thing hides its own foot: the box's centre marks its middle."""
@@ -18,7 +18,9 @@ pixels."""
 HALVINGS = 20
 """Bisections of the angle to the nadir, at most 90 degrees: to 1e-4 degrees, a thousandth of a pixel at 600 px/rad."""
 
-
+ANKLE_SHARE, ANKLE_SIGMA_SHARE = 0.039, 0.02
+"""Height of the ankles above the ground over a person's height (Drillis and Contini 1966), and one sigma: keypoints
+mark the joint or the shoe."""
 SAME_PX = 0.5
 """Distance from the crossing of a marker's diagonals, px, within which the marker's pixel is meant to be its centre."""
 
@@ -40,15 +42,17 @@ def anchor_of(target: StandingTarget, detection: Detection, ned_from_camera: Mat
         foot = foot_pixel(detection, ned_from_camera, lens)
         if foot is not None:
             return Anchor(0.0, 0.0, foot)
-    share = {"center": 0.5, "bottom": 0.5, "top": 1.0, "ground": 0.0}[target.anchor]
+    if target.anchor == "ankles" and detection.foot is not None:
+        return Anchor(ANKLE_SHARE * target.height_m, ANKLE_SIGMA_SHARE * target.height_m, detection.foot)
+    share = {"center": 0.5, "bottom": 0.5, "top": 1.0, "ankles": 0.5, "ground": 0.0}[target.anchor]
     return Anchor(share * target.height_m, share * target.sigma_m)
 
 
 def foot_pixel(detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Pixel | None:
-    """The pixel where the image of the vertical through the box's centre leaves the box downward in the world.
+    """The pixel where the image of the vertical through the box's centre leaves the thing downward in the world.
 
-    None where that pixel is not the foot: without a box, within 15 degrees of the nadir, with a box that the image cuts
-    off.
+    It leaves the outline of a turned box or a mask, where the detection has one, else the box. None where that pixel is
+    not the foot: without a box, within 15 degrees of the nadir, with a box that the image cuts off.
     """
     box = detection.box
     if box is None or not _is_whole(box, lens.image_size):
@@ -57,7 +61,7 @@ def foot_pixel(detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Pi
     down = ned_from_camera[2]  # the third row: down, NED, in camera axes
     if isinstance(centre, NoRay) or dot(centre.direction, down) > NEAR_NADIR:
         return None
-    return _leaving(box, centre.direction, down, lens)
+    return _leaving(detection.outline or _outline_of(box), centre.direction, down, lens)
 
 
 def marker_centre(detection: Detection, lens: Lens) -> Pixel:
@@ -88,8 +92,8 @@ def _is_crossing(pixel: Pixel, corners: Corners) -> bool:
     return hypot(ax + share * (cx - ax) - pixel[0], ay + share * (cy - ay) - pixel[1]) <= SAME_PX
 
 
-def _leaving(box: tuple[float, float, float, float], ray: Vector3, down: Vector3, lens: Lens) -> Pixel | None:
-    """The last pixel inside the box along the image of the vertical, from a ray toward the nadir.
+def _leaving(outline: Outline, ray: Vector3, down: Vector3, lens: Lens) -> Pixel | None:
+    """The last pixel inside the outline along the image of the vertical, from a ray toward the nadir.
 
     Points of the vertical lie in the plane of the ray and the nadir, so their rays are ``ray`` turned in that plane.
     """
@@ -102,7 +106,7 @@ def _leaving(box: tuple[float, float, float, float], ray: Vector3, down: Vector3
     for _ in range(HALVINGS):
         share = 0.5 * (inside + beyond)
         pixel = lens.pixel_from_camera_point(rotate(exp(scale(turn, share)), ray))
-        if isinstance(pixel, NoRay) or not _holds(box, pixel):
+        if isinstance(pixel, NoRay) or not _holds(outline, pixel):
             beyond = share
         else:
             inside, foot = share, pixel
@@ -117,8 +121,19 @@ def _is_whole(box: tuple[float, float, float, float], image_size: tuple[int, int
     return within and right < width - 0.5 - CUT_PX and bottom < height - 0.5 - CUT_PX
 
 
-def _holds(box: tuple[float, float, float, float], pixel: Pixel) -> bool:
-    return box[0] <= pixel[0] <= box[2] and box[1] <= pixel[1] <= box[3]
+def _outline_of(box: tuple[float, float, float, float]) -> Outline:
+    left, top, right, bottom = box
+    return ((left, top), (right, top), (right, bottom), (left, bottom))
+
+
+def _holds(outline: Outline, pixel: Pixel) -> bool:
+    """Whether a convex outline, in either order, holds a pixel: it lies on one side of all edges."""
+    u, v = pixel
+    sides = [
+        (cu - bu) * (v - bv) - (cv - bv) * (u - bu)
+        for (bu, bv), (cu, cv) in zip(outline, outline[1:] + outline[:1], strict=True)
+    ]
+    return min(sides) >= 0.0 or max(sides) <= 0.0
 
 
 def anchored(sighting: Sighting, target: StandingTarget, lens: Lens) -> Sighting:

@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.pairing.protocols import TwoClocks
 from fwav_companion.pairing.timing import FrameTiming, RowClock
-from fwav_companion.types import Corners, Detection, Frame, Reason, StampClock, Unpaired
+from fwav_companion.types import Corners, Detection, Frame, Pixel, Reason, StampClock, Unpaired
 
 MOST_DETECTIONS = 256
 """Most detections in one frame."""
@@ -52,10 +52,15 @@ class Scaling(msgspec.Struct, frozen=True, gc=False):
             else (_scaled(box[0], h), _scaled(box[1], v), _scaled(box[2], h), _scaled(box[3], v)),
             detector_id=raw.detector_id,
             corners=None if raw.corners is None else self._corners(raw.corners),
+            outline=None if raw.outline is None else tuple(map(self._pixel, raw.outline)),
+            foot=None if raw.foot is None else self._pixel(raw.foot),
         )
 
+    def _pixel(self, raw: Pixel) -> Pixel:
+        return _scaled(raw[0], self.horizontal), _scaled(raw[1], self.vertical)
+
     def _corners(self, raw: Corners) -> Corners:
-        first, second, third, fourth = ((_scaled(u, self.horizontal), _scaled(v, self.vertical)) for u, v in raw)
+        first, second, third, fourth = map(self._pixel, raw)
         return (first, second, third, fourth)
 
 

@@ -16,6 +16,9 @@ Pixel: TypeAlias = tuple[float, float]
 Corners: TypeAlias = tuple[Pixel, Pixel, Pixel, Pixel]
 """Corners of a marker's black square: top left, top right, bottom right, bottom left of the marker as printed."""
 
+Outline: TypeAlias = tuple[Pixel, ...]
+"""Corners of a convex polygon, in order."""
+
 
 class StampClock(StrEnum):
     """The clock of a frame's stamp."""
@@ -41,6 +44,10 @@ class Detection(msgspec.Struct, frozen=True, gc=False):
     """Track id of the detector."""
     corners: Corners | None = None
     """Corners of a marker; None for other objects."""
+    outline: Outline | None = None
+    """Convex outline of the object, pixels: of a turned box or a mask; None where the box is all."""
+    foot: Pixel | None = None
+    """Pixel midway between the confident ankles of a person; None without them."""
 
 
 class Frame(msgspec.Struct, frozen=True):

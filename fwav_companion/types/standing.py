@@ -23,9 +23,9 @@ class StandingTarget(msgspec.Struct, frozen=True, kw_only=True):
     """Height above the ground, metres."""
     height_sigma_m: Annotated[float, Meta(ge=0, le=1000)] | None = None
     """One sigma of the height, the same in every sighting of a thing, metres; None: a tenth of the height."""
-    anchor: Literal["center", "bottom", "top", "ground"] = "center"
+    anchor: Literal["center", "bottom", "top", "ankles", "ground"] = "center"
     """Part that a detection marks. ``bottom``: where the image of the vertical through the box's centre leaves the box
-    downward in the world."""
+    downward in the world. ``ankles``: midway between the confident ankles of a pose model; without them as center."""
 
     @property
     def sigma_m(self) -> float:

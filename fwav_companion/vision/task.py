@@ -25,6 +25,31 @@ def dictionary_key(name: str) -> str:
     return name.strip().lower().removeprefix("dict_")
 
 
+ModelFormat: TypeAlias = Literal[
+    "auto",
+    "yolov5",
+    "yolov8",
+    "yolox",
+    "yolov10",
+    "yolonas",
+    "rtdetr",
+    "dfine",
+    "rfdetr",
+    "detr",
+    "mmdeploy",
+    "paddle",
+    "torchvision",
+    "tf",
+    "nms7",
+    "ssd",
+]
+Level: TypeAlias = Annotated[float, Meta(ge=0, le=255)]
+Deviation: TypeAlias = Annotated[float, Meta(gt=0, le=1000)]
+ThreeLevels: TypeAlias = tuple[Level, Level, Level]
+ThreeDeviations: TypeAlias = tuple[Deviation, Deviation, Deviation]
+Tiles: TypeAlias = Annotated[int, Meta(ge=1, le=16)]
+SigmaPart: TypeAlias = Annotated[float, Meta(ge=0, le=100)]
+BiasPart: TypeAlias = Annotated[float, Meta(ge=-1, le=1)]
 SidePx: TypeAlias = Annotated[int, Meta(ge=16, le=32768)]
 KeptPicturesRule: TypeAlias = Literal["detections"] | Annotated[int, Meta(ge=0, le=100_000)]
 """[record] pictures. 0: none; N: every Nth; ``detections``: those in which something was detected."""
@@ -61,10 +86,28 @@ class VisionTask(msgspec.Struct, frozen=True):
     """Hue of ``color``, degrees: 0 red, 60 yellow, 120 green, 240 blue."""
     model: str = ""
     """Path of the model of ``onnx``."""
-    model_format: Literal["auto", "yolov5", "yolov8", "yolox", "yolov10", "rtdetr", "nms7", "ssd"] = "auto"
-    """Layout of the model's outputs; ``auto``: by their shapes and the file's metadata."""
+    model_format: ModelFormat = "auto"
+    """Layout of the model's outputs; ``auto``: by the file's metadata, names, types, shapes and first outputs.
+    ``yolov8`` is also v9, 11 and 12, ``yolov10`` also 26 and what is exported end to end, ``dfine`` also DEIM."""
+    model_size: Literal["auto"] | tuple[SidePx, SidePx] = "auto"
+    """Width and height of the model's input where the file leaves them open; ``auto``: those of its metadata."""
+    model_resize: Literal["auto", "letterbox", "letterbox_topleft", "stretch"] = "auto"
+    """How a picture fills the input: with margins on both sides, at the right and bottom, or none; ``auto``: as the
+    model's family does."""
+    model_normalize: Literal["auto", "none", "255", "imagenet"] | tuple[ThreeLevels, ThreeDeviations] = "auto"
+    """Values of the input: levels of 0 to 255, divided by 255, or less a mean and over a deviation in the order of its
+    colours; ``auto``: as the model's family does."""
+    model_background: Literal["auto", "none", "first", "last"] = "auto"
+    """The class slot that is not a class; ``auto``: as the model's family has it."""
+    model_tiles: tuple[Tiles, Tiles] = (1, 1)
+    """Columns and rows of overlapping slices, for small things from height."""
+    model_sigma: Literal["auto"] | tuple[SigmaPart, SigmaPart] = "auto"
+    """One sigma of a box's centre: pixels of the model's input, and share of the box's side; ``auto``: a prior, 0.5
+    and 0.03. `detect --sigma` measures it."""
+    model_bias: tuple[BiasPart, BiasPart] = (0.0, 0.0)
+    """How far a box's centre lies right of and below the thing's, as shares of its width and height: subtracted."""
     model_input: Literal["auto", "rgb", "bgr", "rgb255", "bgr255"] = "auto"
-    """Order of the model's colours, and their range: 0 to 1 or 0 to 255."""
+    """Order of the model's colours, and their range: 0 to 1 or 0 to 255. ``model_normalize`` overrides the range."""
     model_labels: tuple[str, ...] = ()
     """Labels of the model's classes where its file has none, in their order."""
     model_confidence: Annotated[float, Meta(ge=0, le=1)] = 0.25

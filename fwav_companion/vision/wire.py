@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.geometry.stamps import HostNs, host_from_seconds
-from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, StampClock
+from fwav_companion.types import Corners, Detection, Frame, NoFrame, Outline, Pixel, Reason, StampClock
 from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256
@@ -39,6 +39,7 @@ LONGEST_EXPOSURE_S = 10.0
 
 Int64: TypeAlias = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=1_000_000)]
+WireOutline: TypeAlias = Annotated[Outline, Meta(min_length=3, max_length=16)]
 Label: TypeAlias = Annotated[str, Meta(max_length=MAX_LABEL)]
 
 
@@ -54,6 +55,10 @@ class WireDetection(msgspec.Struct, gc=False):
     id: Int64 | None = None
     corners: Any = None
     """Four corners of a marker. Any other value is another program's field of that name, and is ignored."""
+    outline: Any = None
+    """Convex outline of a thing, from 3 to 16 points; any other value is ignored."""
+    foot: Any = None
+    """Pixel between the ankles of a person; any other value is ignored."""
 
 
 class WireFrame(msgspec.Struct):
@@ -92,6 +97,8 @@ class _RecordedDetection(msgspec.Struct, omit_defaults=True):
     box: tuple[float, float, float, float] | None = None
     id: int | None = None
     corners: Corners | None = None
+    outline: Outline | None = None
+    foot: Pixel | None = None
 
 
 _decoder = msgspec.json.Decoder(WireFrame)
@@ -148,6 +155,8 @@ def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
                 box=d.box,
                 id=d.detector_id,
                 corners=d.corners,
+                outline=d.outline,
+                foot=d.foot,
             )
             for d in frame.detections
         ),
@@ -256,16 +265,24 @@ def _detection(wire: WireDetection) -> Detection:
         score=wire.score,
         box=wire.box,
         detector_id=wire.id,
-        corners=None if wire.corners is None else _corners(wire.corners),
+        corners=None if wire.corners is None else _points(wire.corners, Corners),
+        outline=None if wire.outline is None else _points(wire.outline, WireOutline),
+        foot=None if wire.foot is None else _foot(wire.foot),
     )
 
 
-def _corners(value: Any) -> Corners | None:
+def _points(value: Any, kind: Any) -> Any:
+    """The points in ``value`` as this kind of tuple; None where they are not such points, or not finite."""
     try:
-        corners = msgspec.convert(value, Corners)
+        points = msgspec.convert(value, kind)
     except msgspec.ValidationError:
         return None
-    return corners if all(map(isfinite, chain.from_iterable(corners))) else None
+    return points if all(map(isfinite, chain.from_iterable(points))) else None
+
+
+def _foot(value: Any) -> Pixel | None:
+    points = _points([value], tuple[Pixel])
+    return None if points is None else points[0]
 
 
 def _pixel(value: float | None) -> float:

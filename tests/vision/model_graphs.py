@@ -69,3 +69,44 @@ def brightest_pixel_model(path, *, channel, score_of_level=True):
         initializers,
     )
     return saved(path, graph, {"names": "{0: 'light'}"})
+
+
+def light_row_model(path, row, *, rows, names="['person', 'car']"):
+    """End to end rows: the row comes only with a picture whose mean level exceeds 0.5; others are zero."""
+    answer = np.zeros((1, rows, len(row)), np.float32)
+    answer[0, 2] = row
+    nodes = [
+        helper.make_node("ReduceMean", ["images"], ["mean"], keepdims=0),
+        helper.make_node("Greater", ["mean", "half"], ["lit"]),
+        helper.make_node("Cast", ["lit"], ["factor"], to=TensorProto.FLOAT),
+        helper.make_node("Mul", ["answer", "factor"], ["output0"]),
+    ]
+    initializers = [
+        numpy_helper.from_array(np.array(0.5, np.float32), "half"),
+        numpy_helper.from_array(answer, "answer"),
+    ]
+    info = helper.make_tensor_value_info("output0", TensorProto.FLOAT, answer.shape)
+    graph = helper.make_graph(nodes, "light", [picture_input()], [info], initializers)
+    return saved(path, graph, {"names": names})
+
+
+def echo_model(path):
+    """YOLOv8's layout of three classes: the first three rows of the first column are the first pixel's channels."""
+    nodes = [
+        helper.make_node("Slice", ["images", "starts", "ends", "axes"], ["pixel"]),
+        helper.make_node("Reshape", ["pixel", "shape"], ["three"]),
+        helper.make_node("Concat", ["three", "rest"], ["column"], axis=1),
+        helper.make_node("Concat", ["column", "others"], ["output0"], axis=2),
+    ]
+    arrays = {
+        "starts": np.array([0, 0], np.int64),
+        "ends": np.array([1, 1], np.int64),
+        "axes": np.array([2, 3], np.int64),
+        "shape": np.array([1, 3, 1], np.int64),
+        "rest": np.zeros((1, 4, 1), np.float32),
+        "others": np.zeros((1, 7, 9), np.float32),
+    }
+    initializers = [numpy_helper.from_array(array, name) for name, array in arrays.items()]
+    info = helper.make_tensor_value_info("output0", TensorProto.FLOAT, (1, 7, 10))
+    graph = helper.make_graph(nodes, "echo", [picture_input()], [info], initializers)
+    return saved(path, graph, {"names": "['a', 'b', 'c']"})

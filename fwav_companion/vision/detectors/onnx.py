@@ -1,38 +1,49 @@
 """Detects objects with the user's model file, by onnxruntime.
 
-No model comes with this package. The file's format, input and labels are found in its shapes and metadata, or set by
-the configuration.
+No model comes with this package. The file's layout, input and labels are found in its metadata, names, shapes and
+first outputs, or set by the configuration; what these leave open is asked.
 """
 
 from __future__ import annotations
 
-import ast
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fwav_companion.vision.detectors.letterbox import Placing, fit
-from fwav_companion.vision.detectors.model_outputs import SUPPRESSED, Boxes, boxes_of, format_of, suppressed
+from fwav_companion.vision.detectors.model.box_sigma import (
+    INT8_FACTOR,
+    PRIOR,
+    centre_sigmas,
+    cut_by,
+    with_unknown_edges,
+)
+from fwav_companion.vision.detectors.model.boxes import Array, Boxes, suppressed
+from fwav_companion.vision.detectors.model.decoders import Reading
+from fwav_companion.vision.detectors.model.facts import ModelFacts, Outputs, labels_of, shown
+from fwav_companion.vision.detectors.model.families import FAMILIES
+from fwav_companion.vision.detectors.model.layouts import Layout
+from fwav_companion.vision.detectors.model.letterbox import GREY, Letterbox, fit
+from fwav_companion.vision.detectors.model.masks import mask_outline
+from fwav_companion.vision.detectors.model.model_file import ModelSession
+from fwav_companion.vision.detectors.model.model_input import ModelInput, preset_of
+from fwav_companion.vision.detectors.model.plausibility import advice, implausible, sensible_formats
+from fwav_companion.vision.detectors.model.recognition import Open, background_of, recognized
+from fwav_companion.vision.detectors.model.tiles import PassBoxes, Tile, cut_edges, merged, tiles_of
 from fwav_companion.vision.images import DetectorError, Found, Pixels
 from fwav_companion.vision.task import VisionTask
 from fwav_companion.vision.wire import MAX_DETECTIONS
 
 _log = logging.getLogger(__name__)
-USUAL_SIDE = 640
-"""Side of the input for models that accept any size and do not name one, pixels."""
-SIGMA_OF_SIZE = 0.05
-"""One sigma of a box's centre, each axis, as a share of the box's width and height. It is a rule, not a measurement:
-the true sigma depends on the model and on its pictures."""
-LEAST_SIGMA_PX = 1.0
-MOST_CANDIDATES = 2048
+MOST_CANDIDATES: Final = 2048
 """Most boxes above the least score that enter the suppression."""
-PLACINGS: Final[dict[str, Placing]] = {"yolox": "corner", "rtdetr": "stretch", "ssd": "stretch"}
-"""Placing of a picture of another shape with which each format was trained; the others have margins on both sides."""
-TYPES: Final = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
+MOST_UNDECIDED: Final = 50
+"""Most pictures that are read in search of one that tells the layout."""
+FIRST_PICTURES: Final = 50
+"""Pictures whose outputs are judged."""
 
 
 class OnnxDetector:
@@ -41,157 +52,208 @@ class OnnxDetector:
     def __init__(self, task: VisionTask) -> None:
         self._name = Path(task.model).name
         self._task = task
-        self._session: Any = self._opened()
-        self._input = _ModelInput(self._session, self._fail)
-        metadata = dict(self._session.get_modelmeta().custom_metadata_map)
-        self._labels = task.model_labels or _labels(metadata.get("names", ""))
-        self._input.settle_size(metadata.get("imgsz", ""))
-        outputs = self._run(np.full((*self._input.size[::-1], 3), 114, np.uint8))
-        self._format = task.model_format if task.model_format != "auto" else self._guessed(outputs, metadata)
-        self._placing: Placing = PLACINGS.get(self._format, "centre")
-        self._colors = task.model_input if task.model_input != "auto" else self._input.usual_colors(self._format)
-        self._input.colors = self._colors
-        self._boxes(outputs)
-        self._complained = False
+        self._pictures = 0
+        self._complained = self._judged = False
+        self.problem = ""
+        """What is implausible in the first outputs; "" where nothing is."""
+        try:
+            self._open()
+        except DetectorError as error:
+            raise self._failure(str(error)) from None
+
+    def _open(self) -> None:
+        task = self._task
+        self._session = ModelSession(Path(task.model), task.threads)
+        metadata = self._session.metadata
+        self._input = ModelInput(self._session.inputs)
+        self._labels = task.model_labels or labels_of(metadata.get("names", ""))
+        size = self._input.size(task.model_size, metadata.get("imgsz", ""))
+        self._facts = ModelFacts(self._session.inputs, metadata, size, len(self._labels) or None)
+        # The layout is not yet known: any preset shows names, types and shapes.
+        grey = np.full((size[1], size[0], 3), GREY, np.uint8)
+        preset = preset_of(task, FAMILIES["yolov8"])
+        outputs = self._session.run(self._input.feed(grey, preset))
+        self._layout: Layout | Open = recognized(task.model_format, self._facts, outputs)
+        self._settle(outputs)
+
+    def _settle(self, outputs: Outputs) -> None:
+        """Derive from the layout what is read with it; for an open one, the preset of its first candidate."""
+        layout = self._known_layout
+        self._preset = preset_of(self._task, layout.family)
+        if isinstance(self._layout, Layout):
+            background = background_of(
+                layout, self._task.model_background, facts=self._facts, outputs=outputs, labels=self._labels
+            )
+            self._reading = Reading(self._facts, background, layout.activation)
+            self._decoded(outputs)
+
+    def described(self) -> str:
+        """How the model is read, for `check` and the log."""
+        layout, (width, height) = self._layout, self._facts.size
+        if isinstance(layout, Open):
+            return f"{width} x {height}; a picture with a detection will tell its layout"
+        sigma = "as configured" if self._task.model_sigma != "auto" else "a prior, not measured: detect --sigma"
+        levels = "levels as they are (normalized inside)" if self._input.takes_levels else self._preset.shown()
+        background = {"none": "none", "first": "the first", "last": "the last"}[self._reading.background]
+        return (
+            f"{layout.name} (model_format = {layout.family.name}), {width} x {height}, {levels}"
+            f"{', ' + self._preset.resize if self._input.takes_levels else ''}, background class: {background}, "
+            f"sigma of boxes: {sigma}"
+        )
 
     def detect(self, pixels: Pixels) -> list[Found]:
         """The objects, each at the centre of its box."""
-        fitted, letterbox = fit(pixels, self._input.size, self._placing)
-        boxes = self._boxes(self._run(fitted))
-        finite = np.isfinite(boxes.edges).all(axis=1) & np.isfinite(boxes.scores)
-        if not finite.all():
-            self._complain(int((~finite).sum()))
-        boxes = boxes.where(finite & (boxes.scores >= self._task.model_confidence) & (boxes.classes >= 0))
-        boxes = boxes.where(np.argsort(-boxes.scores, kind="stable")[:MOST_CANDIDATES])
-        if self._format not in SUPPRESSED:
-            boxes = suppressed(boxes, self._task.model_iou, MAX_DETECTIONS)
-        boxes = boxes.where(np.arange(min(len(boxes.scores), MAX_DETECTIONS)))
+        try:
+            return self._found_in(pixels)
+        except DetectorError as error:
+            raise self._failure(str(error)) from None
+
+    def _found_in(self, pixels: Pixels) -> list[Found]:
         height, width = pixels.shape[:2]
+        self._pictures += 1
+        passes = [self._pass(pixels, tile) for tile in tiles_of(width, height, *self._task.model_tiles)]
+        several = len(passes) > 1
+        seen = merged(_joined(passes), self._task.model_iou) if several else passes[0]
+        seen = seen.where(np.arange(min(len(seen.boxes.scores), MAX_DETECTIONS)))
+        return self._written(seen, width, height)
+
+    def _pass(self, pixels: Pixels, tile: Tile) -> PassBoxes:
+        """The detections in one tile, in pixels of the picture."""
+        part = pixels[tile.top : tile.bottom, tile.left : tile.right]
+        fitted, letterbox = fit(part, self._facts.size, self._preset.resize)
+        outputs = self._session.run(self._input.feed(fitted, self._preset))
+        if isinstance(self._layout, Open):
+            self._decide(self._layout, outputs)
+            if isinstance(self._layout, Layout):  # with its own preset
+                return self._pass(pixels, tile)
+            return _joined([])
+        boxes = self._decoded(outputs)
+        if not self._judged and self._pictures <= FIRST_PICTURES:
+            self._judge(boxes, outputs)
+        boxes = self._best(boxes)
+        if boxes.coefficients is not None:
+            boxes = replace(boxes, outlines=_mask_outlines(boxes, outputs, self._facts.size))
+        return self._placed(boxes, letterbox, tile, pixels)
+
+    def _placed(self, boxes: Boxes, letterbox: Letterbox, tile: Tile, pixels: Pixels) -> PassBoxes:
+        height, width = pixels.shape[:2]
+        inner_width, inner_height = tile.right - tile.left, tile.bottom - tile.top
         edges = letterbox.picture_from_input(boxes.edges)
-        edges = np.clip(edges, -0.5, [width - 0.5, height - 0.5] * 2)
-        return [
-            self._found(*each)
-            for each in zip(edges.tolist(), boxes.scores.tolist(), boxes.classes.tolist(), strict=True)
-        ]
+        edges = np.clip(edges, -0.5, [inner_width - 0.5, inner_height - 0.5] * 2)
+        px_per_input = 1.0 / min(letterbox.scale)
+        corner = np.array([tile.left, tile.top], np.float64)
+        placed = replace(
+            boxes,
+            edges=edges + np.tile(corner, 2),
+            outlines=None if boxes.outlines is None else letterbox.points_from_input(boxes.outlines) + corner,
+            feet=None if boxes.feet is None else letterbox.points_from_input(boxes.feet) + corner,
+            coefficients=None,
+        )
+        return PassBoxes(
+            placed, np.full(len(edges), px_per_input), cut_edges(edges, tile, (width, height), px_per_input)
+        )
 
-    def _opened(self) -> Any:
-        import onnxruntime
+    def _decide(self, layout: Open, outputs: dict[str, NDArray[Any]]) -> None:
+        """Recognize the layout by the outputs of a picture. DetectorError after MOST_UNDECIDED pictures."""
+        self._layout = recognized(self._task.model_format, self._facts, outputs)
+        if isinstance(self._layout, Layout):
+            self._settle(outputs)
+        elif self._pictures >= MOST_UNDECIDED:
+            raise DetectorError(f"after {self._pictures} pictures without a detection {layout.message}")
 
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads, options.inter_op_num_threads = self._task.threads, 1
-        options.log_severity_level = 4  # suppresses its own lines; our log reports a failure
+    @property
+    def _known_layout(self) -> Layout:
+        return self._layout if isinstance(self._layout, Layout) else self._layout.candidates[0]
+
+    def _decoded(self, outputs: Outputs) -> Boxes:
+        layout = self._known_layout
         try:
-            return onnxruntime.InferenceSession(self._task.model, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # noqa: BLE001  # onnxruntime has some ten classes without a common one
-            raise self._fail(f"not a model that onnxruntime loads ({_first_line(error)})") from None
+            return layout.decode(outputs, self._reading)
+        except (ValueError, IndexError, KeyError, StopIteration):
+            raise DetectorError(
+                f'its outputs ({shown(outputs)}) do not fit [vision] model_format = "{layout.family.name}"'
+            ) from None
 
-    def _run(self, fitted: Pixels) -> dict[str, NDArray[Any]]:
-        names = [output.name for output in self._session.get_outputs()]
-        try:
-            return dict(zip(names, self._session.run(names, self._input.feed(fitted)), strict=True))
-        except Exception as error:  # noqa: BLE001  # as above
-            raise self._fail(f"the model failed ({_first_line(error)})") from None
+    def _judge(self, boxes: Boxes, outputs: Outputs) -> None:
+        """Report once what is implausible in the first outputs."""
+        problem = implausible(boxes, self._facts.size, self._task.model_confidence)
+        if problem:
+            layout = self._known_layout
+            self._judged = True
+            formats = sensible_formats(outputs, self._reading, layout, self._task.model_confidence)
+            self.problem = advice(problem, formats, layout, self._preset.shown())
+            _log.warning("%s: %s", self._name, self.problem)
 
-    def _guessed(self, outputs: dict[str, NDArray[Any]], metadata: dict[str, str]) -> str:
-        """The format; YOLOv5 writes stride and names into its files, YOLOX neither."""
-        try:
-            return format_of(outputs, self._input.size, len(self._labels) or None)
-        except DetectorError as error:
-            if "yolov5 or yolox" in str(error) and {"stride", "names"} <= metadata.keys():
-                return "yolov5"
-            raise self._fail(str(error)) from None
-
-    def _boxes(self, outputs: dict[str, NDArray[Any]]) -> Boxes:
-        try:
-            return boxes_of(outputs, self._format, self._input.size)
-        except DetectorError as error:
-            raise self._fail(str(error)) from None
-
-    def _found(self, edges: list[float], score: float, number: int) -> Found:
-        left, top, right, bottom = edges
-        return {
-            "u": round(0.5 * (left + right), 3),
-            "v": round(0.5 * (top + bottom), 3),
-            "sigma": [round(max(LEAST_SIGMA_PX, SIGMA_OF_SIZE * side), 3) for side in (right - left, bottom - top)],
-            "label": self._labels[number] if number < len(self._labels) else str(number),
-            "score": round(min(1.0, score), 4),
-            "box": [round(edge, 2) for edge in edges],
-        }
-
-    def _complain(self, number: int) -> None:
-        """Log the first outputs that are not finite."""
-        if not self._complained:
+    def _best(self, boxes: Boxes) -> Boxes:
+        """The boxes that count: finite, sure enough, of a class, without those that overlap."""
+        finite = np.isfinite(boxes.edges).all(axis=1) & np.isfinite(boxes.scores)
+        if not finite.all() and not self._complained:
             self._complained = True
+            number = int((~finite).sum())
             _log.warning(
                 "%s: %d outputs are not finite numbers: dropped, further ones without a message", self._name, number
             )
+        boxes = boxes.where(finite & (boxes.scores >= self._task.model_confidence) & (boxes.classes >= 0))
+        boxes = boxes.where(np.argsort(-boxes.scores, kind="stable")[:MOST_CANDIDATES])
+        if self._known_layout.overlaps:
+            return suppressed(boxes, self._task.model_iou, MAX_DETECTIONS)
+        return boxes.where(np.arange(min(len(boxes.scores), MAX_DETECTIONS)))
 
-    def _fail(self, what: str) -> DetectorError:
-        return DetectorError(f"[vision] model {self._name}: {what}")
+    def _written(self, seen: PassBoxes, width: int, height: int) -> list[Found]:
+        boxes = seen.boxes
+        model = PRIOR if self._task.model_sigma == "auto" else self._task.model_sigma
+        sigmas = centre_sigmas(boxes.edges, boxes.scores, seen.px_per_input, model)
+        if self._session.is_int8 and self._task.model_sigma == "auto":
+            sigmas = INT8_FACTOR * sigmas
+        sigmas = with_unknown_edges(sigmas, boxes.edges, seen.cut | cut_by(boxes.edges, width, height))
+        return [self._found(boxes, sigmas, i) for i in range(len(boxes.scores))]
 
+    def _found(self, boxes: Boxes, sigmas: Array, i: int) -> Found:
+        left, top, right, bottom = boxes.edges[i].tolist()
+        number = int(boxes.classes[i])
+        middle = boxes.edges[i].reshape(2, 2).mean(axis=0)
+        across, along = self._task.model_bias
+        found: Found = {
+            "u": round(float(middle[0]) - across * (right - left), 3),
+            "v": round(float(middle[1]) - along * (bottom - top), 3),
+            "sigma": [round(float(sigma), 3) for sigma in sigmas[i]],
+            "label": self._labels[number] if number < len(self._labels) else str(number),
+            "score": round(min(1.0, float(boxes.scores[i])), 4),
+            "box": [round(edge, 2) for edge in (left, top, right, bottom)],
+        }
+        if boxes.outlines is not None and np.isfinite(boxes.outlines[i]).all():
+            found["outline"] = np.round(boxes.outlines[i], 2).tolist()
+        if boxes.feet is not None and np.isfinite(boxes.feet[i]).all():
+            found["foot"] = np.round(boxes.feet[i], 3).tolist()
+        return found
 
-class _ModelInput:
-    """The one input of a model: a picture."""
-
-    def __init__(self, session: Any, fail: Any) -> None:
-        inputs = session.get_inputs()
-        shown = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
-        accepted = f"its inputs are {shown}; accepted: one picture, 1x3xHxW or 1xHxWx3, of float, float16 or uint8"
-        if len(inputs) != 1 or inputs[0].type not in TYPES or len(inputs[0].shape) != 4:
-            raise fail(accepted)
-        batch, *sides = inputs[0].shape
-        self._name, self._type = inputs[0].name, TYPES[inputs[0].type]
-        self._channels_first = sides[0] == 3
-        if batch not in (1, None) and not isinstance(batch, str):
-            raise fail(f"its batch is {batch}; accepted: 1")
-        if 3 not in (sides[0], sides[2]):
-            raise fail(accepted)
-        self._sides = sides[1:] if self._channels_first else sides[:2]
-        self.size = (USUAL_SIDE, USUAL_SIDE)
-        """Width and height."""
-        self.colors = "rgb"
-
-    def settle_size(self, imgsz: str) -> None:
-        """Set the input size from the file; ``imgsz``: [height, width] by its metadata, if any size is accepted."""
-        named = _literal(imgsz)
-        fallback = named if isinstance(named, list) and len(named) == 2 else [USUAL_SIDE, USUAL_SIDE]
-        height, width = (
-            side if isinstance(side, int) and side > 0 else int(usual)
-            for side, usual in zip(self._sides, fallback, strict=True)
-        )
-        self.size = (width, height)
-
-    def usual_colors(self, model_format: str) -> str:
-        """Order and range of the colours that the format's models are trained with."""
-        if model_format == "yolox":
-            return "bgr255"
-        return "rgb255" if self._type is np.uint8 else "rgb"
-
-    def feed(self, fitted: Pixels) -> dict[str, NDArray[Any]]:
-        """The input of one run."""
-        colored = fitted if self.colors.startswith("bgr") else cv2.cvtColor(fitted, cv2.COLOR_BGR2RGB)
-        values = colored if self._type is np.uint8 else colored.astype(np.float32)
-        if not self.colors.endswith("255") and self._type is not np.uint8:
-            values = values / np.float32(255.0)
-        arranged = values.transpose(2, 0, 1) if self._channels_first else values
-        return {self._name: np.ascontiguousarray(arranged[None], dtype=self._type)}
+    def _failure(self, what: str) -> DetectorError:
+        return DetectorError(what if what.startswith("[vision]") else f"[vision] model {self._name}: {what}")
 
 
-def _labels(names: str) -> tuple[str, ...]:
-    """The labels in a file's metadata: a list, or a mapping by number, as Python writes it."""
-    named = _literal(names)
-    if isinstance(named, dict) and all(isinstance(number, int) for number in named):
-        return tuple(str(named.get(number, number)) for number in range(max(named, default=-1) + 1))
-    return tuple(map(str, named)) if isinstance(named, list | tuple) else ()
+def _joined(passes: list[PassBoxes]) -> PassBoxes:
+    """The detections of several passes together."""
+    if not passes:
+        none = np.zeros(0)
+        return PassBoxes(Boxes(none.reshape(0, 4), none, none.astype(np.int64)), none, np.zeros((0, 4), np.bool_))
+    columns = ("edges", "scores", "classes", "outlines", "feet")
+    stacked = {}
+    for name in columns:
+        arrays = [array for each in passes if (array := getattr(each.boxes, name)) is not None]
+        stacked[name] = np.concatenate(arrays) if len(arrays) == len(passes) else None
+    return PassBoxes(
+        Boxes(**stacked),  # type: ignore[arg-type]
+        np.concatenate([each.px_per_input for each in passes]),
+        np.concatenate([each.cut for each in passes]),
+    )
 
 
-def _literal(text: str) -> object:
-    """The value of a Python literal; None where the text is not one."""
-    try:
-        return ast.literal_eval(text)
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
+def _mask_outlines(boxes: Boxes, outputs: Outputs, size: tuple[int, int]) -> Array | None:
+    prototypes = next((array for array in outputs.values() if array.ndim == 4), None)
+    if prototypes is None or boxes.coefficients is None:
         return None
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0][:160] if str(error).strip() else type(error).__name__
+    outlines = [
+        mask_outline(*each, np.asarray(prototypes[0]), size)
+        for each in zip(boxes.coefficients, boxes.edges, strict=True)
+    ]
+    return np.array(outlines, np.float64).reshape(len(boxes.scores), -1, 2)

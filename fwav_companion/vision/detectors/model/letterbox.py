@@ -14,8 +14,8 @@ from fwav_companion.vision.images import Pixels
 GREY = 114
 """Grey level of the margins: the models of the YOLO family are trained with it."""
 
-Placing = Literal["centre", "corner", "stretch"]
-"""Margins on both sides (centre), at the right and bottom (corner), or none (stretch: each axis has its own scale)."""
+Resize = Literal["letterbox", "letterbox_topleft", "stretch"]
+"""Margins on both sides, at the right and bottom (topleft), or none (stretch: each axis has its own scale)."""
 
 
 @dataclass(frozen=True)
@@ -31,23 +31,26 @@ class Letterbox:
 
     def picture_from_input(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 4) boxes left, top, right, bottom, pixels of the picture, from boxes in edge coordinates of the input."""
-        scale, margin = np.array(self.scale * 2), np.array(self.margin * 2)
-        edges: NDArray[np.float64] = (boxes - margin) / scale - 0.5
-        return edges
+        return self.points_from_input(boxes.reshape(-1, 2)).reshape(boxes.shape)
+
+    def points_from_input(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., 2) pixels of the picture, from points in edge coordinates of the input."""
+        pixels: NDArray[np.float64] = (points - np.array(self.margin)) / np.array(self.scale) - 0.5
+        return pixels
 
 
-def fit(pixels: Pixels, size: tuple[int, int], placing: Placing) -> tuple[Pixels, Letterbox]:
+def fit(pixels: Pixels, size: tuple[int, int], resize: Resize) -> tuple[Pixels, Letterbox]:
     """The picture in colour at ``size`` (width, height), and its place there."""
     coloured = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR) if pixels.ndim == 2 else pixels
     height, width = coloured.shape[:2]
-    if placing == "stretch":
+    if resize == "stretch":
         inner = size
     else:
         share = min(size[0] / width, size[1] / height)
         inner = (max(1, round(width * share)), max(1, round(height * share)))
     resized = coloured if inner == (width, height) else cv2.resize(coloured, inner, interpolation=cv2.INTER_LINEAR)
     room = (size[0] - inner[0], size[1] - inner[1])
-    left, top = (room[0] // 2, room[1] // 2) if placing == "centre" else (0, 0)
+    left, top = (room[0] // 2, room[1] // 2) if resize == "letterbox" else (0, 0)
     fitted: Pixels = np.full((size[1], size[0], 3), GREY, np.uint8)
     fitted[top : top + inner[1], left : left + inner[0]] = resized
     return fitted, Letterbox((inner[0] / width, inner[1] / height), (float(left), float(top)))
