@@ -9,6 +9,8 @@ import threading
 from math import nan
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from fwav_companion.cli.shake import WAIT_S, run_shake
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
@@ -118,11 +120,13 @@ def _checked(arguments: argparse.Namespace) -> int:
     from fwav_companion.tools.doctor.examination import examine
     from fwav_companion.tools.doctor.finding import Level, worst
     from fwav_companion.tools.doctor.gathering import load_files, running_status
+    from fwav_companion.tools.doctor.model_report import model_report
     from fwav_companion.tools.doctor.report_text import report_lines
 
     config = load(arguments.config)
     config.require_links()
     files, key = load_files(config)
+    files = msgspec.structs.replace(files, model=model_report(config))
     status = running_status(config)
     how = "by the status of the service that runs"
     if status is None:

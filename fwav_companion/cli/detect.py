@@ -6,8 +6,11 @@ import argparse
 import csv
 import io
 import json
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+
+import msgspec
 
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import ConfigError, InputFileError, UserError
@@ -20,7 +23,10 @@ if TYPE_CHECKING:
     from fwav_companion.config import Config
     from fwav_companion.photographs.picture_pose import AltDatum
     from fwav_companion.tools.detect.recorded_pictures import PoseRow, RecordedPictures
-    from fwav_companion.vision.images import Detector
+    from fwav_companion.vision.images import Detector, Found, Picture
+
+STILL: Final = "still"
+"""Value of --sigma for pictures without labels."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -51,6 +57,13 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--start", metavar="TIME", help="time of the first picture, ISO 8601 with a zone; for a video required")
     add("--poses-out", metavar="CSV", type=Path, help="the poses that the pictures' tags have")
     add("--alt-datum", choices=("egm96", "ellipsoid", "takeoff"), help="what the pictures' altitudes count from")
+    add("--draw", metavar="DIR", type=Path, help="pictures with what was found drawn into them: look at some")
+    add(
+        "--sigma",
+        metavar="LABELS|still",
+        help="measure the accuracy of the boxes: COCO JSON or a folder of YOLO text files of these pictures; still: they "
+        "are a video of standing things by a standing camera. Prints the lines for [vision]",
+    )
     add("--json", action="store_true", help="end with the counts as one JSON object")
     parser.set_defaults(run=run)
 
@@ -64,20 +77,22 @@ def run(arguments: argparse.Namespace) -> int:
 def _detected(arguments: argparse.Namespace) -> int:
     if arguments.config is None:
         return _poses_alone(arguments)
-    if arguments.out is None:
-        raise UserError("detect: --config without --out; accepted: --out D.jsonl")
+    if arguments.out is None and arguments.draw is None and arguments.sigma is None:
+        raise UserError("detect: --config without --out; accepted: --out D.jsonl, --draw DIR or --sigma LABELS")
     require("detect", "numpy", "cv2")
     from fwav_companion.config import load
     from fwav_companion.tools.detect.recorded_pictures import parse_start, recorded_pictures
 
     config = load(arguments.config)
-    detector = configured_detector(config)
+    outputs = _Outputs(arguments)
+    detector = configured_detector(config, as_prior=outputs.measures)
     start = None if arguments.start is None else parse_start(arguments.start)
+    timed = arguments.out is not None or arguments.poses_out is not None
     if arguments.poses_out is not None or not _has_own_times(arguments.pictures):
         require("detect", "PIL")
     wanted = arguments.poses_out is not None
-    pictures = recorded_pictures(arguments.pictures, start, poses=wanted, alt_datum=_datum(arguments))
-    counts = _write_detections(arguments.out, pictures, detector)
+    pictures = recorded_pictures(arguments.pictures, start, poses=wanted, alt_datum=_datum(arguments), timed=timed)
+    counts = _detect_all(outputs, pictures, detector)
     if arguments.poses_out is not None:
         _write_poses(arguments.poses_out, pictures.poses, arguments.pictures)
         counts["poses"] = len(pictures.poses)
@@ -121,8 +136,11 @@ def _has_own_times(path: Path) -> bool:
     return (folder_of(path) / STAMPS_FILE).is_file() or (path.is_file() and path.suffix.lower() not in SUFFIXES)
 
 
-def configured_detector(config: Config) -> Detector:
-    """The configured detector. ConfigError where there is none, or where it cannot work."""
+def configured_detector(config: Config, *, as_prior: bool = False) -> Detector:
+    """The configured detector. ConfigError where there is none, or where it cannot work.
+
+    ``as_prior``: with the prior sigma of a model's boxes, against which the true one is measured.
+    """
     from fwav_companion.service.service_factory import make_vision_task
     from fwav_companion.vision.detectors import make_detector
     from fwav_companion.vision.images import DetectorError
@@ -130,28 +148,83 @@ def configured_detector(config: Config) -> Detector:
     task = make_vision_task(config)
     if task is None:
         raise ConfigError(f'{config.file}: [vision]: missing; accepted: a table with detector = "apriltag" or another')
+    if as_prior:
+        if task.detector != "onnx":
+            raise ConfigError(f'{config.file}: [vision] detector = "{task.detector}"; accepted with --sigma: "onnx"')
+        task = msgspec.structs.replace(task, model_sigma="auto", model_bias=(0.0, 0.0))
     try:
         return make_detector(task)
     except DetectorError as error:
         raise ConfigError(f"{config.file}: {error}") from None
 
 
-def _write_detections(out: Path, pictures: RecordedPictures, detector: Detector) -> dict[str, int]:
+class _Outputs:
+    """What is written of the detections: lines, pictures, and a measured sigma."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        """InputFileError where a folder or the labels cannot be used."""
+        from fwav_companion.tools.detect.sigma_measurement import StandingResiduals, TruthFile, TruthResiduals
+
+        self.out, self.draw = arguments.out, arguments.draw
+        self.measures = arguments.sigma is not None
+        self._truth = TruthFile(Path(arguments.sigma)) if self.measures and arguments.sigma != STILL else None
+        self._against_truth, self._standing = TruthResiduals(), StandingResiduals()
+        if self.draw is not None:
+            try:
+                self.draw.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputFileError(f"{self.draw}: {error.strerror}; accepted: a folder to write to") from None
+
+    def add(self, picture: Picture, found: Sequence[Found], number: int) -> None:
+        """Draw and measure the detections of a picture."""
+        if self.draw is not None:
+            from fwav_companion.vision.preview_drawing import drawn
+
+            name = Path(picture.file).stem if picture.file else f"{number:06d}"
+            (self.draw / f"{name}.jpg").write_bytes(drawn(picture.pixels, found))
+        if not self.measures:
+            return
+        height, width = picture.pixels.shape[:2]
+        if self._truth is None:
+            self._standing.add(found, next(iter(picture.stamp.values())), (width, height))
+        else:
+            truth = self._truth.boxes(picture.file, (width, height))
+            if truth is not None:
+                self._against_truth.add(found, truth, (width, height))
+
+    def report(self) -> dict[str, object]:
+        """Print the measured accuracy with its lines for the configuration, and return it."""
+        if not self.measures:
+            return {}
+        measured = self._standing.result() if self._truth is None else self._against_truth.result()
+        print(f"# {measured.residuals} residuals: {measured.factor:.2f} times the prior's sigma")
+        if measured.slow_factor is not None:
+            print(f"# over a second: {measured.slow_factor:.2f} times; the larger one counts")
+        print(f"[vision]\n{measured.lines()}")
+        bias = {} if measured.bias is None else {"model_bias": measured.bias}
+        return {"model_sigma": measured.model_sigma, "sigma_residuals": measured.residuals, **bias}
+
+
+def _detect_all(outputs: _Outputs, pictures: RecordedPictures, detector: Detector) -> dict[str, object]:
     from fwav_companion.cli.progress import steps
     from fwav_companion.on_disk import whole
     from fwav_companion.vision.images import DetectorError, frame_bytes
 
     frames = detections = 0
-    with whole(out) as file, steps("detect", pictures.count) as step:
+    with ExitStack() as stack:
+        file = None if outputs.out is None else stack.enter_context(whole(outputs.out))
+        step = stack.enter_context(steps("detect", pictures.count))
         for picture in pictures.pictures:
             try:
                 found = detector.detect(picture.pixels)
             except DetectorError as error:
                 raise InputFileError(str(error)) from None
-            file.write(frame_bytes(picture, found) + b"\n")
+            if file is not None:
+                file.write(frame_bytes(picture, found) + b"\n")
+            outputs.add(picture, found, frames)
             frames, detections = frames + 1, detections + len(found)
             step()
-    return {"frames": frames, "detections": detections}
+    return {"frames": frames, "detections": detections, **outputs.report()}
 
 
 def _write_poses(out: Path, poses: Sequence[PoseRow], pictures: Path) -> None:

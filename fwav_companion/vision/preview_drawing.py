@@ -7,12 +7,15 @@ from math import atan2, degrees, hypot, log, sqrt
 from typing import Final
 
 import cv2
+import numpy as np
 
 from fwav_companion.types.track_marks import TrackMark
 from fwav_companion.vision.images import Found, Pixels
 
 QUALITY: Final = 70
 GREEN: Final = (64, 255, 64)
+YELLOW: Final = (64, 255, 255)
+"""Colour of outlines and feet."""
 MAGENTA, ORANGE = (255, 64, 255), (0, 160, 255)
 """Colours of the tracks that were seen recently, and of coasting tracks."""
 AXES_95: Final = sqrt(-2.0 * log(0.05))
@@ -39,6 +42,11 @@ def _draw_detection(shown: Pixels, found: Found) -> None:
     if "box" in found:
         left, top, right, bottom = (round(side) for side in found["box"])
         cv2.rectangle(shown, (left, top), (right, bottom), GREEN, 1)
+    if "outline" in found:
+        cv2.polylines(shown, [np.round(found["outline"]).astype(np.int32)], isClosed=True, color=YELLOW)
+    if "foot" in found:
+        foot = (round(found["foot"][0]), round(found["foot"][1]))
+        cv2.drawMarker(shown, foot, YELLOW, cv2.MARKER_TRIANGLE_UP, 9, 2)
     label = str(found.get("label", ""))
     text = f"{label} {found['score']:.2f}" if "score" in found else label
     cv2.putText(shown, text, (place[0] + 6, place[1] - 6), FONT, TEXT_SIZE, GREEN, 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -60,20 +60,30 @@ def parse_start(text: str) -> datetime:
 
 
 def recorded_pictures(
-    path: Path, start: datetime | None, *, poses: bool = False, alt_datum: AltDatum | None = None
+    path: Path,
+    start: datetime | None,
+    *,
+    poses: bool = False,
+    alt_datum: AltDatum | None = None,
+    timed: bool = True,
 ) -> RecordedPictures:
     """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing.
 
     ``poses``: also of pictures with stamps, whose tags are not needed otherwise.
+    ``timed``: whether times of day matter. Without, photographs have their number as the time, and a video counts from 0.
     """
+    if not timed and start is None:
+        start = datetime.fromtimestamp(0.0, UTC)
     path = folder_of(path)
     if path.is_dir():
         if (path / STAMPS_FILE).is_file():
             return _stamped(path, poses, alt_datum)
-        return _photographs(_files(path), start, alt_datum)
+        return _photographs(_files(path), start, alt_datum, timed=timed)
     if not path.is_file():
         raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, a picture, or a video")
-    return _photographs([path], start, alt_datum) if path.suffix.lower() in SUFFIXES else _video(path, start)
+    return (
+        _photographs([path], start, alt_datum, timed=timed) if path.suffix.lower() in SUFFIXES else _video(path, start)
+    )
 
 
 def pose_rows(path: Path, alt_datum: AltDatum | None = None) -> tuple[int, Iterator[PoseRow | None]]:
@@ -146,9 +156,11 @@ def _stamped(folder: Path, poses: bool, alt_datum: AltDatum | None) -> RecordedP
     return RecordedPictures(count=len(lines), pictures=read(), poses=rows)
 
 
-def _photographs(files: list[Path], start: datetime | None, alt_datum: AltDatum | None) -> RecordedPictures:
+def _photographs(
+    files: list[Path], start: datetime | None, alt_datum: AltDatum | None, *, timed: bool
+) -> RecordedPictures:
     metadata = [read_tags(file) for file in files]
-    times = _times(files, metadata, start)
+    times = _times(files, metadata, start) if timed else list(map(float, range(len(files))))
     order = sorted(range(len(files)), key=lambda i: times[i])
     poses: list[PoseRow] = []
 

@@ -58,6 +58,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "clock_followed": BY_CLOCK,
     "clock_unsettled": BY_CLOCK,
     "calibration": UNSEEN,
+    "model": UNSEEN,
     "camera_missing": UNSEEN,
     "camera_permission": UNSEEN,
     "no_camera": UNSEEN - {"no_camera"},

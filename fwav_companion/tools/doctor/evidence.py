@@ -84,6 +84,21 @@ class Board(msgspec.Struct, frozen=True, kw_only=True):
     """Process that occupies the port of a link (or of ``detections``), by the link's name: "mavproxy.py (pid 812)"."""
 
 
+class ModelReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How the model of [vision] is read."""
+
+    reading: str = ""
+    """Layout, size, preset and sigma."""
+    error: str = ""
+    """Why it does not run; "" if it does."""
+    problem: str = ""
+    """What is implausible in its first outputs; "" where nothing is."""
+    passes: int = 1
+    """Passes of the model for each picture."""
+    seconds: float = 0.0
+    """Time of all passes over one picture, seconds."""
+
+
 class Files(msgspec.Struct, frozen=True, kw_only=True):
     """The files that the configuration names, or why they cannot be read."""
 
@@ -92,6 +107,7 @@ class Files(msgspec.Struct, frozen=True, kw_only=True):
     elevation: Sequence[ElevationTile] = ()
     elevation_error: str = ""
     key_error: str = ""
+    model: ModelReport | None = None
 
 
 class Evidence(msgspec.Struct, frozen=True, kw_only=True):

@@ -14,12 +14,13 @@ from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import landing_findings
 from fwav_companion.tools.doctor.landmark_findings import landmark_findings
 from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
+from fwav_companion.tools.doctor.model_findings import model_findings
 from fwav_companion.tools.doctor.mount_findings import mount_findings
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.network_status import REQUESTS
 from fwav_companion.types.status import RunStatus
 
-FROM_FILES = (port_findings, file_findings, board_findings)
+FROM_FILES = (port_findings, file_findings, model_findings, board_findings)
 FROM_STATUS = (
     link_findings,
     autopilot_findings,

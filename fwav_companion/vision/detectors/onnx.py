@@ -87,6 +87,11 @@ class OnnxDetector:
             self._reading = Reading(self._facts, background, layout.activation)
             self._decoded(outputs)
 
+    @property
+    def input_size(self) -> tuple[int, int]:
+        """Width and height of the model's input, pixels."""
+        return self._facts.size
+
     def described(self) -> str:
         """How the model is read, for `check` and the log."""
         layout, (width, height) = self._layout, self._facts.size

@@ -238,7 +238,8 @@ def named(outputs: Outputs, key: str) -> Array:
     """The output of this meaning without its batch: a box has four numbers, a score or a label one."""
     array = np.asarray(outputs[named_like(outputs, key)], np.float64)
     plain = 2 if key == "boxes" else 1
-    return _first(array) if array.ndim == plain + 1 else array
+    found: Array = array[0] if array.ndim == plain + 1 else array
+    return found
 
 
 def named_like(outputs: Outputs, key: str) -> str:

@@ -48,7 +48,7 @@ def file_content(data: bytes) -> FileContent:
             elif number == OPSETS and isinstance(value, Message):
                 opset = dict(_fields(value))
                 if not bytes(opset.get(1, b"")).strip() and isinstance(opset.get(2), int):
-                    content.opset = int(opset[2])  # type: ignore[arg-type]
+                    content.opset = int(opset[2])
     except (IndexError, ValueError):
         pass  # not such a file: onnxruntime says so
     return content
@@ -176,8 +176,8 @@ def _opened(path: Path, threads: int, opset: int) -> Any:
             needed = f"opset {opset}" if newest is not None else f"format version {version[1]}"  # type: ignore[index]
             known = f"opset {newest[1]}" if newest is not None else f"version {version[2]}"  # type: ignore[index]
             raise DetectorError(
-                f"it needs {needed}, onnxruntime {onnxruntime.__version__} knows {known} at most; update onnxruntime, or export "
-                " with an older opset (Ultralytics: opset=17)"
+                f"it needs {needed}, onnxruntime {onnxruntime.__version__} knows {known} at most; update it, or "
+                "export with an older opset (Ultralytics: opset=17)"
             ) from None
         raise DetectorError(f"not a model that onnxruntime loads ({first_line(error)})") from None
 

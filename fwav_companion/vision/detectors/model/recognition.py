@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -129,7 +129,7 @@ def _class_column(rows: Array) -> str:
 
 
 def background_of(
-    layout: Layout, wanted: str, facts: ModelFacts, outputs: Outputs, labels: tuple[str, ...]
+    layout: Layout, wanted: Background | Literal["auto"], facts: ModelFacts, outputs: Outputs, labels: tuple[str, ...]
 ) -> Background:
     """The class slot that is not a class. DetectorError where only the user can know."""
     if wanted != "auto":
