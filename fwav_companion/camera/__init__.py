@@ -1,12 +1,13 @@
 """Lens models, and the content of calibration files. PURE.
 
 A lens maps pixels to unit rays in the camera frame and back: ``KannalaBrandt`` for fisheyes, ``BrownConrady`` for
-pinholes. ``parse_calibration`` reads the camera files of this project, Kalibr, ROS, camodocal and OpenCV. numpy is
+pinholes. ``parse_calibration`` reads the camera files of this project, Kalibr, ROS, camodocal, OpenCV, mrcal
+and gyroflow. numpy is
 loaded only by ``batch`` (many pixels at once). ``tools/calibrate/lens_fit`` fits a lens to pictures of a board.
 """
 
 from fwav_companion.camera.brown_conrady import BrownConrady
-from fwav_companion.camera.calibration import Calibration, parse_calibration
+from fwav_companion.camera.calibration import Calibration, file_and_camera, parse_calibration
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 
-__all__ = ["BrownConrady", "Calibration", "KannalaBrandt", "parse_calibration"]
+__all__ = ["BrownConrady", "Calibration", "KannalaBrandt", "file_and_camera", "parse_calibration"]

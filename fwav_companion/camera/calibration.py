@@ -1,27 +1,26 @@
-"""Calibration files of five kinds, distinguished by their content, and the project's own kind read here."""
+"""Calibration files of seven kinds, distinguished by their content, and the project's own kind read here."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from math import radians
-from typing import Any
 
 import msgspec
 
-from fwav_companion.camera import tool_files
+from fwav_companion.camera import more_tool_files, tool_files
+from fwav_companion.camera.documents import document
 from fwav_companion.camera.fields import Fields
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.types import Lens
 
-LONGEST_FILE_CHARACTERS = 1_000_000
-"""A camchain of eight cameras has 6000."""
 ACCEPTED = (
-    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, or an OpenCV "
-    "FileStorage with a model: line next to its matrices"
+    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, a .cameramodel of "
+    "mrcal, a lens profile of gyroflow, or an OpenCV FileStorage with a model: line next to its matrices"
 )
+ROS_MATRIX_KEYS = ("camera_matrix", "K", "k")
 NATIVE_MODEL = "kannala_brandt"
 NATIVE_KEYS = ("model", "image_size", "k_mm", "pixels_per_mm", "principal_point", "max_angle_deg")
 
@@ -44,24 +43,39 @@ class Calibration(msgspec.Struct, frozen=True):
         return self.lens.image_size
 
 
-def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False) -> Calibration:
+def file_and_camera(text: str) -> tuple[str, str]:
+    """The file and the camera in it, as ("camchain.yaml", "cam1") of camchain.yaml#cam1; "" where none is named."""
+    file, mark, camera = text.rpartition("#")
+    return (file, camera) if mark and file and re.fullmatch(r"cam\d+", camera) else (text, "")
+
+
+def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False, camera: str = "") -> Calibration:
     """The calibration in ``text`` of the file ``name``. InputFileError names the key, its value and the fix.
 
-    ``imu_is_frd``: the IMU of a Kalibr file has the body's axes; ``imu_axes: FRD`` in the file has the same effect.
+    ``camera``: the camera of a Kalibr chain of several. ``imu_is_frd``: the IMU of a Kalibr file has the body's axes; ``imu_axes: FRD`` in the file has the same effect.
     """
-    fields = Fields(_document(text, name), name)
+    fields = Fields(document(text, name, ACCEPTED), name)
     try:
-        return _read(fields, imu_is_frd)
+        return _read(fields, imu_is_frd, camera)
     except ValueError as error:  # each number is valid, but together they are not a lens
         raise InputFileError(f"{name}: {error}") from error
 
 
-def _read(fields: Fields, imu_is_frd: bool) -> Calibration:
+def _read(fields: Fields, imu_is_frd: bool, camera: str) -> Calibration:
+    is_chain = ("intrinsics" in fields and "camera_model" in fields) or any(
+        re.fullmatch(r"cam\d+", key) for key in fields
+    )
+    if camera and not is_chain:
+        raise InputFileError(f"{fields.name}: it has one camera; accepted: the file's name without #{camera}")
+    if "lensmodel" in fields:
+        return Calibration(more_tool_files.mrcal_lens(fields))
+    if "fisheye_params" in fields:
+        return Calibration(more_tool_files.gyroflow_lens(fields))
     if "model_type" in fields:
         return Calibration(tool_files.camodocal_lens(fields))
-    if "intrinsics" in fields or any(re.fullmatch(r"cam\d+", key) for key in fields):
-        return _kalibr(fields, imu_is_frd)
-    if "distortion_model" in fields:
+    if is_chain:
+        return _kalibr(fields, imu_is_frd, camera)
+    if "distortion_model" in fields and any(key in fields for key in ROS_MATRIX_KEYS):
         return Calibration(tool_files.ros_lens(fields))
     if any(key in fields for key in tool_files.OPENCV_MATRIX_KEYS):
         return Calibration(tool_files.opencv_lens(fields))
@@ -100,8 +114,8 @@ LENS_READERS: dict[str, Callable[[Fields], Lens]] = {NATIVE_MODEL: _native_lens}
 """Reader of the project's own camera file, by its ``model``."""
 
 
-def _kalibr(fields: Fields, imu_is_frd: bool) -> Calibration:
-    camera = tool_files.kalibr_camera(fields)
+def _kalibr(fields: Fields, imu_is_frd: bool, wanted: str) -> Calibration:
+    camera = tool_files.kalibr_camera(fields, wanted)
     for place in (fields, camera):
         if "imu_axes" in place:
             if place.text("imu_axes") != "FRD":
@@ -116,28 +130,3 @@ def _kalibr(fields: Fields, imu_is_frd: bool) -> Calibration:
         if imu_is_frd or not has_mount
         else "T_cam_imu is not used: add imu_axes: FRD if its IMU has the body's axes",
     )
-
-
-def _document(text: str, name: str) -> dict[str, Any]:
-    """The keys and values of YAML or JSON, with OpenCV's dialect of both; nothing in the file is ever executed."""
-    import yaml  # here: a relay without a camera never needs it
-
-    class Loader(yaml.SafeLoader):
-        """A safe loader that reads OpenCV's matrices: mappings with a tag."""
-
-    def plain_mapping(loader: Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-        return loader.construct_mapping(node, deep=True)
-
-    for tag in ("opencv-matrix", "opencv-nd-matrix"):
-        Loader.add_constructor(f"tag:yaml.org,2002:{tag}", plain_mapping)
-    if len(text) > LONGEST_FILE_CHARACTERS:
-        raise InputFileError(f"{name}: {len(text)} characters; {ACCEPTED}")
-    if text.startswith("%YAML"):  # OpenCV spells the directive in a way that YAML does not accept
-        text = text.partition("\n")[2]
-    try:
-        document = yaml.load(text, Loader=Loader)  # noqa: S506 - a SafeLoader
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputFileError(f"{name}: {' '.join(str(error).split())[:200]}; {ACCEPTED}") from error
-    if not isinstance(document, dict) or not all(isinstance(key, str) for key in document):
-        raise InputFileError(f"{name}: no keys and values in it; {ACCEPTED}")
-    return document

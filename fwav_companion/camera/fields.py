@@ -74,6 +74,25 @@ class Fields:
             raise self.refusal(key, f"a list of {' or '.join(map(str, counts))} finite numbers")
         return good
 
+    def numbers_with_zeros(self, key: str, *counts: int) -> tuple[float, ...]:
+        """As :meth:`numbers`, with any number of zeros after them: tools fill up to their longest model."""
+        found = self._mapping.get(key)
+        if isinstance(found, Mapping) and "data" in found:
+            found = found["data"]
+        numbers = [_finite(entry) for entry in _flat(found)] if isinstance(found, list) else []
+        most = max((count for count in counts if count <= len(numbers)), default=0)
+        if len(numbers) in counts or not most or any(number != 0.0 for number in numbers[most:]):
+            return self.numbers(key, *counts)
+        return tuple(number for number in numbers[:most] if number is not None) or self.numbers(key, *counts)
+
+    def is_true(self, key: str) -> bool:
+        """Whether a flag is set: true or 1."""
+        return self._mapping.get(key) in (True, 1)
+
+    def is_false(self, key: str) -> bool:
+        """Whether a flag is there and not set: false or 0."""
+        return self._mapping.get(key, True) in (False, 0)
+
     def size(self, key: str) -> tuple[int, int]:
         """The width and height under this key, whole pixels."""
         width, height = self.numbers(key, 2)

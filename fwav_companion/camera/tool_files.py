@@ -13,12 +13,23 @@ import msgspec
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.fields import Fields
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
+from fwav_companion.camera.plausible_lens import require_field_of_view, require_monotonic, require_pinhole_terms
 from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from fwav_companion.geometry.vectors import IDENTITY3, Matrix3, multiply, transpose
 from fwav_companion.types import Lens
 
 OPENCV_MATRIX_KEYS = ("camera_matrix", "K", "cameraMatrix", "Camera_Matrix")
 OPENCV_DISTORTION_KEYS = ("distortion_coefficients", "D", "distCoeffs", "dist_coeffs", "Distortion_Coefficients")
+MODEL_KEYS = (
+    "model",
+    "camera_model",
+    "distortion_model",
+    "lens_model",
+    "calibration_model",
+    "fisheye_model",
+    "fisheye",
+)
+"""Keys of the model's name; the last two are OpenCV's own sample's, 1 or 0."""
 SIZE_KEYS = (("image_width", "image_height"), ("width", "height"), ("image_Width", "image_Height"))
 FISHEYE_NAMES = ("equidistant", "fisheye")
 PINHOLE_COUNTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "radtan": (4,), "none": (0,)}
@@ -38,18 +49,27 @@ class CameraMatrix(msgspec.Struct, frozen=True):
     """K[0][1] / K[0][0]."""
 
 
-def kalibr_camera(fields: Fields) -> Fields:
-    """The only camera of a Kalibr camchain; a chain of several is refused."""
+def kalibr_camera(fields: Fields, wanted: str) -> Fields:
+    """The camera of a Kalibr camchain. ``wanted``: its key, as cam1; "" for the only one."""
     cameras = [key for key in fields if re.fullmatch(r"cam\d+", key)]
-    if len(cameras) > 1:
-        raise fields.refusal(cameras[1], f"one camera: keep only the one that flies of {', '.join(cameras)}")
-    return fields.below(cameras[0]) if cameras else fields
+    if wanted and wanted not in cameras:
+        raise fields.refusal(wanted, f"one of the file's cameras: {', '.join(cameras) or 'it has one without a name'}")
+    if len(cameras) > 1 and not wanted:
+        file = fields.name.rpartition("/")[2]
+        raise fields.refusal(
+            cameras[1], f'one camera: name it, as [camera] calibration = "{file}#{cameras[0]}", of {", ".join(cameras)}'
+        )
+    return fields.below(wanted or cameras[0]) if cameras else fields
 
 
 def kalibr_lens(fields: Fields) -> Lens:
     """The lens of a Kalibr pinhole with its distortion model; omni, ds and eucm are other projections."""
     if fields.text("camera_model") != "pinhole":
-        raise fields.refusal("camera_model", "pinhole, with distortion_model equidistant or radtan")
+        raise fields.refusal(
+            "camera_model",
+            "pinhole, with distortion_model equidistant or radtan; calibrate again from the same bag: "
+            "kalibr_calibrate_cameras --models pinhole-equi",
+        )
     fu, fv, pu, pv = fields.numbers("intrinsics", 4)
     if min(fu, fv) <= 0.0:
         raise fields.refusal("intrinsics", "[fu, fv, pu, pv] with positive fu and fv")
@@ -80,7 +100,7 @@ def ros_lens(fields: Fields) -> Lens:
     """The lens of a ROS camera_info, as a file or as a message. Its projection matrix is for rectified pixels only."""
     size = _image_size(fields)
     _refuse_part_of_sensor(fields, size)
-    matrix = _camera_matrix(fields, _first(fields, ("camera_matrix", "K", "k")), size)
+    matrix = camera_matrix(fields, _first(fields, ("camera_matrix", "K", "k")), size)
     coefficients = _first(fields, ("distortion_coefficients", "D", "d"))
     return _distorted_lens(fields, "distortion_model", coefficients, matrix)
 
@@ -95,18 +115,28 @@ def camodocal_lens(fields: Fields) -> Lens:
         require_inside(numbers, "u0", centre, size)
         k = (1.0, *(numbers.number(key) for key in ("k2", "k3", "k4", "k5")))
         return KannalaBrandt(k, focal, centre, size)
-    raise fields.refusal("model_type", "KANNALA_BRANDT")
+    if fields.text("model_type") == "PINHOLE":
+        numbers, terms = fields.below("projection_parameters"), fields.below("distortion_parameters")
+        centre = (numbers.number("cx"), numbers.number("cy"))
+        require_inside(numbers, "cx", centre, size)
+        matrix = CameraMatrix((numbers.positive("fx"), numbers.positive("fy")), centre, size)
+        d = tuple(terms.number(key) for key in ("k1", "k2", "p1", "p2"))
+        return distorted_lens(terms, "plumb_bob", keys=("model_type", "p1"), d=d, matrix=matrix)
+    raise fields.refusal(
+        "model_type", "KANNALA_BRANDT or PINHOLE; calibrate again: intrinsic_calib --camera-model kannala-brandt"
+    )
 
 
 def opencv_lens(fields: Fields) -> Lens:
     """The lens of OpenCV matrices with a model's name: the four numbers alone fit a fisheye and a pinhole alike."""
-    if "model" not in fields:
+    named = next((key for key in MODEL_KEYS if key in fields), None)
+    if named is None:
         raise fields.refusal(
             "model",
             "a model: line of fisheye, plumb_bob or rational_polynomial next to the matrices, which do not name it",
         )
-    matrix = _camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
-    return _distorted_lens(fields, "model", _first(fields, OPENCV_DISTORTION_KEYS), matrix)
+    matrix = camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
+    return _distorted_lens(fields, named, _first(fields, OPENCV_DISTORTION_KEYS), matrix)
 
 
 def require_inside(fields: Fields, key: str, pixel: tuple[float, float], image_size: tuple[int, int]) -> None:
@@ -116,7 +146,7 @@ def require_inside(fields: Fields, key: str, pixel: tuple[float, float], image_s
         raise fields.refusal(key, f"a principal point inside the image of {width} x {height} pixels")
 
 
-def _camera_matrix(fields: Fields, key: str, image_size: tuple[int, int]) -> CameraMatrix:
+def camera_matrix(fields: Fields, key: str, image_size: tuple[int, int]) -> CameraMatrix:
     """The camera matrix of nine numbers, row by row."""
     fx, fxy, cx, zero, fy, cy, *last = fields.numbers(key, 9)
     if fx <= 0.0 or fy <= 0.0 or zero or last != [0.0, 0.0, 1.0]:
@@ -125,17 +155,44 @@ def _camera_matrix(fields: Fields, key: str, image_size: tuple[int, int]) -> Cam
     return CameraMatrix((fx, fy), (cx, cy), image_size, fxy / fx)
 
 
+def distorted_lens(
+    fields: Fields, model: str, *, keys: tuple[str, str], d: tuple[float, ...], matrix: CameraMatrix
+) -> Lens:
+    """The lens of a model with its coefficients. ``keys``: those of the model and the coefficients, for refusals.
+
+    InputFileError where these numbers are not those of a lens: they are another model's.
+    """
+    model_key, d_key = keys
+    lens: KannalaBrandt | BrownConrady
+    if model in FISHEYE_NAMES:
+        lens = KannalaBrandt((1.0, *d), matrix.focal, matrix.principal_point, matrix.image_size, skew=matrix.skew)
+    else:
+        d = (*d, *(0.0,) * (4 - len(d)))
+        if model in ("plumb_bob", "radtan"):
+            require_pinhole_terms(fields, d_key, model_key, d)
+        lens = BrownConrady(matrix.focal, matrix.principal_point, d, matrix.image_size, skew=matrix.skew)
+    require_field_of_view(fields, d_key if model_key == "lensmodel" else _matrix_key(fields), lens)
+    require_monotonic(fields, d_key, lens)
+    return lens
+
+
 def _distorted_lens(fields: Fields, model_key: str, coefficients_key: str, matrix: CameraMatrix) -> Lens:
     """The lens of the model that ``model_key`` names, with the numbers under ``coefficients_key``."""
-    model = fields.text(model_key).lower()
+    model = "fisheye" if fields.is_true(model_key) else "plumb_bob" if fields.is_false(model_key) else ""
+    model = model or fields.text(model_key).lower().removeprefix("opencv_")
+    counts: tuple[int, ...] = (4,)
     if model in FISHEYE_NAMES:
-        d = fields.numbers(coefficients_key, 4)
-        return KannalaBrandt((1.0, *d), matrix.focal, matrix.principal_point, matrix.image_size, skew=matrix.skew)
-    if model in PINHOLE_COUNTS:
-        d = fields.numbers(coefficients_key, *PINHOLE_COUNTS[model])
-        d = (*d, *(0.0,) * (4 - len(d)))
-        return BrownConrady(matrix.focal, matrix.principal_point, d, matrix.image_size, skew=matrix.skew)
-    raise fields.refusal(model_key, ", ".join((*FISHEYE_NAMES, *PINHOLE_COUNTS)))
+        model = "fisheye"
+    elif model in PINHOLE_COUNTS:
+        counts = PINHOLE_COUNTS[model]
+    else:
+        raise fields.refusal(model_key, ", ".join((*FISHEYE_NAMES, *PINHOLE_COUNTS)))
+    d = fields.numbers_with_zeros(coefficients_key, *counts)
+    return distorted_lens(fields, model, keys=(model_key, coefficients_key), d=d, matrix=matrix)
+
+
+def _matrix_key(fields: Fields) -> str:
+    return _first(fields, (*OPENCV_MATRIX_KEYS, "k", "intrinsics"))
 
 
 def _image_size(fields: Fields) -> tuple[int, int]:

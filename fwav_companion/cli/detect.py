@@ -61,8 +61,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add(
         "--sigma",
         metavar="LABELS|still",
-        help="measure the accuracy of the boxes: COCO JSON or a folder of YOLO text files of these pictures; still: they "
-        "are a video of standing things by a standing camera. Prints the lines for [vision]",
+        help="measure the accuracy of the boxes: COCO JSON or a folder of YOLO text files of these pictures; still: "
+        "they are a video of standing things by a standing camera. Prints the lines for [vision]",
     )
     add("--json", action="store_true", help="end with the counts as one JSON object")
     parser.set_defaults(run=run)

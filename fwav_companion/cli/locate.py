@@ -196,14 +196,15 @@ def _detections(arguments: argparse.Namespace, photographs: Sequence[Photograph]
 
 
 def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
-    from fwav_companion.camera import parse_calibration
+    from fwav_companion.camera import file_and_camera, parse_calibration
     from fwav_companion.tools.locate.photographs import CameraOptions
 
     if arguments.hfov is not None and not 1.0 <= arguments.hfov <= 170.0:
         raise UserError(f"--hfov {arguments.hfov:g}: accepted: 1 to 170 degrees")
     calibration = None
     if arguments.camera is not None:
-        calibration = parse_calibration(_text(arguments.camera), str(arguments.camera))
+        file, camera = file_and_camera(str(arguments.camera))
+        calibration = parse_calibration(_text(Path(file)), file, camera=camera)
     angles = (
         None if arguments.angles is None else _numbers("--angles", arguments.angles, ("ROLL", "PITCH", "YAW"), 360.0)
     )

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from fwav_companion.camera import file_and_camera
 from fwav_companion.config.estimation import GroundConfig, LandmarkConfig, UncertaintyConfig
 from fwav_companion.config.inputs import (
     CameraConfig,
@@ -122,7 +123,12 @@ class Config(Document, frozen=True, kw_only=True):
         """The path of the camera's calibration file. ConfigError without one, because pixels cannot be localized."""
         if not self.camera.calibration:
             raise ConfigError(f"{self.file}: [camera] calibration: missing; accepted: the path of a camera file")
-        return self.resolve(self.camera.calibration)
+        return self.resolve(file_and_camera(self.camera.calibration)[0])
+
+    @property
+    def calibration_camera(self) -> str:
+        """The camera of a calibration file of several, as cam1; "" where none is named."""
+        return file_and_camera(self.camera.calibration)[1]
 
     @property
     def map_server(self) -> MapServer | None:

@@ -22,7 +22,7 @@ def load_calibration(config: Config) -> Calibration:
     try:
         with opened(path) as file:
             data = file.read(LARGEST_BYTES)
-        return parse_calibration(data.decode(), str(path))
+        return parse_calibration(data.decode(), str(path), camera=config.calibration_camera)
     except OSError as error:
         where = f"{path} ([camera] calibration of {config.file})"
         raise InputFileError(f"{where}: {error.strerror}; accepted: a camera file, as `init` writes one") from None
@@ -78,10 +78,12 @@ def recorded_configuration(folder: Path) -> tuple[str, list[str]]:
 def _recorded_camera(folder: Path, config: str) -> list[str]:
     """The setting that names the camera file's copy in the folder, wherever the flight had the file."""
     try:
-        name = load(config).calibration_path.name
+        flown = load(config)
+        name, camera = flown.calibration_path.name, flown.calibration_camera
     except ConfigError:  # a configuration that is wrong is reported when it is read
         return []
     if not (folder / name).is_file():
         return []
-    quoted = json.dumps(str((folder / name).resolve()), ensure_ascii=False).replace("\x7f", "\\u007f")
+    named = str((folder / name).resolve()) + (f"#{camera}" if camera else "")
+    quoted = json.dumps(named, ensure_ascii=False).replace("\x7f", "\\u007f")
     return [f"camera.calibration={quoted}"]  # in quotes: a folder's name may have spaces

@@ -218,7 +218,7 @@ def test_kalibrs_mount_counts_only_where_the_imu_has_the_bodys_axes():
             NATIVE.replace("image_size: [640, 480]\n", ""),
             "camera.yaml: image_size: missing; accepted: a list of 2 finite numbers",
         ),
-        (ros("equidistant", [0.1, 0.0, 0.0, 0.0, 0.0]), "distortion_coefficients"),
+        (ros("equidistant", [0.1, 0.0, 0.0, 0.0, 0.1]), "distortion_coefficients"),
         (ros("thin_prism", [0.1, 0.0, 0.0, 0.0]), "thin_prism"),
         (ros("plumb_bob", [0.1, 0.0]), "4 or 5"),
         (ros("equidistant", list(D)) + "binning_x: 2\n", "binning_x"),

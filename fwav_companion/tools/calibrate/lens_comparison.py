@@ -10,7 +10,7 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from fwav_companion.camera import parse_calibration
+from fwav_companion.camera import file_and_camera, parse_calibration
 from fwav_companion.camera.batch import camera_rays_from_pixels
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import opened
@@ -100,12 +100,13 @@ def _rms(values: Floats) -> float:
 
 
 def _lens(path: Path) -> Lens:
+    named, camera = file_and_camera(str(path))
     accepted = "accepted: a camera file, as `init` writes one"
     try:
-        with opened(path) as file:
+        with opened(Path(named)) as file:
             text = file.read(LARGEST_BYTES).decode()
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: byte {error.start} is not UTF-8; {accepted}") from None
-    return parse_calibration(text, str(path)).lens
+    return parse_calibration(text, named, camera=camera).lens

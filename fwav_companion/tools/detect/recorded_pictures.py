@@ -70,7 +70,7 @@ def recorded_pictures(
     """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing.
 
     ``poses``: also of pictures with stamps, whose tags are not needed otherwise.
-    ``timed``: whether times of day matter. Without, photographs have their number as the time, and a video counts from 0.
+    ``timed``: whether times of day matter. Without, a photograph has its number as the time, and a video counts from 0.
     """
     if not timed and start is None:
         start = datetime.fromtimestamp(0.0, UTC)

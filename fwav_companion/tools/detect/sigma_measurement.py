@@ -1,7 +1,7 @@
 """Measures the accuracy of a detector's boxes: against labelled pictures, or by standing things in a video.
 
-Each residual of a centre is divided by the sigma of the prior, so that one factor for the prior is measured, over things
-of all sizes. Without truth, second differences of the centres of standing things give the jitter: they cancel place and
+Each residual of a centre is divided by the sigma of the prior, so that one factor for it is measured, over things of
+all sizes. Without truth, second differences of the centres of standing things give the jitter: they cancel place and
 drift, and their variance is six times that of one centre. They show no bias. Jitter of neighbouring frames is
 correlated; so differences over one second are taken too (as an Allan variance does), and the larger result counts.
 """

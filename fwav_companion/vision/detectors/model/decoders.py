@@ -267,7 +267,8 @@ def _are_whole(numbers: Array) -> bool:
 
 def _first(array: NDArray[np.generic]) -> Array:
     """The first of a batch."""
-    return np.asarray(array, np.float64)[0]
+    first: Array = np.asarray(array, np.float64)[0]
+    return first
 
 
 def _only(outputs: Outputs, rank: int) -> Array:

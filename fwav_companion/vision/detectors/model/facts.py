@@ -15,7 +15,7 @@ STRIDES = (8, 16, 32)
 
 
 @dataclass(frozen=True)
-class Port:
+class ModelPort:
     """An input of a model."""
 
     name: str
@@ -28,7 +28,7 @@ class Port:
 class ModelFacts:
     """What is known of a model before its outputs are read."""
 
-    inputs: tuple[Port, ...]
+    inputs: tuple[ModelPort, ...]
     metadata: Mapping[str, str]
     size: tuple[int, int]
     """Width and height of the input, pixels."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fwav_companion.vision.detectors.model.facts import Port
+from fwav_companion.vision.detectors.model.facts import ModelPort
 from fwav_companion.vision.images import DetectorError
 
 GRAPH, OPSETS = 7, 8
@@ -131,7 +131,7 @@ class ModelSession:
         _require_beside(path, content.locations)
         self.is_int8 = content.is_int8
         self._session = _opened(path, threads, content.opset)
-        self.inputs = tuple(Port(each.name, each.type, tuple(each.shape)) for each in self._session.get_inputs())
+        self.inputs = tuple(ModelPort(each.name, each.type, tuple(each.shape)) for each in self._session.get_inputs())
         self.metadata: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         self._outputs = [output.name for output in self._session.get_outputs()]
 

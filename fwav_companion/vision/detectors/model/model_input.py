@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fwav_companion.vision.detectors.model.facts import Port, literal
+from fwav_companion.vision.detectors.model.facts import ModelPort, literal
 from fwav_companion.vision.detectors.model.families import MEANS_AND_DEVIATIONS, Family, MeanAndDeviation
 from fwav_companion.vision.detectors.model.letterbox import Resize
 from fwav_companion.vision.images import DetectorError, Pixels
@@ -70,7 +70,7 @@ def preset_of(task: VisionTask, family: Family) -> Preset:
 class ModelInput:
     """The inputs of one model, the picture first among those of rank 3 or 4."""
 
-    def __init__(self, ports: tuple[Port, ...]) -> None:
+    def __init__(self, ports: tuple[ModelPort, ...]) -> None:
         """DetectorError for inputs that are not served."""
         shown = ", ".join(f"{port.name} {port.kind} {list(port.shape)}" for port in ports)
         pictures = [
@@ -144,5 +144,5 @@ class ModelInput:
         return feed
 
 
-def _sides(port: Port) -> tuple[int | str | None, ...]:
+def _sides(port: ModelPort) -> tuple[int | str | None, ...]:
     return port.shape[-3:]

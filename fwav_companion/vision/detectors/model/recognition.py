@@ -173,10 +173,10 @@ def _refused_by_name(facts: ModelFacts, outputs: Outputs) -> str:
     if len(shapes) == 1 and len(shapes[0]) == 3 and shapes[0][1] == cells:
         return (
             "a raw head of NanoDet-Plus (strides 8 to 64): its boxes are distributions over distances; add its decoding "
-            "to the graph and export boxes, scores and labels, or send its own program's detections to [detections] url"
+            "to the graph and export boxes, scores and labels, or send its program's detections to [detections] url"
         )
     if any(len(shape) == 5 for shape in shapes) or (len(shapes) == 3 and all(len(shape) == 4 for shape in shapes)):
-        return "raw heads of a YOLO; export with the decoding in the graph (v5: export.py --include onnx; v7: --grid)"
+        return "raw heads of a YOLO; export with its decoding (v5: export.py --include onnx; v7: --grid)"
     if {"regressors", "classificators"} <= outputs.keys():
         return "raw heads of MediaPipe; send its own program's detections to [detections] url"
     unnamed = "boxes" not in outputs and any(array.ndim == 2 and array.shape[1] == 4 for array in outputs.values())

@@ -1,0 +1,78 @@
+"""Keys and values of a calibration file: YAML, JSON, OpenCV's dialect of both, and mrcal's. Nothing is executed."""
+
+from __future__ import annotations
+
+import ast
+import re
+from typing import Any, Final
+
+from fwav_companion.errors import InputFileError
+
+LONGEST_FILE_CHARACTERS: Final = 1_000_000
+"""A camchain of eight cameras has 6000."""
+OCAMCALIB: Final = "DIRECT mapping function"
+"""Heading of an OCamCalib file, which has neither keys nor another mark."""
+STAMP_KEYS: Final = ("header", "seq", "stamp")
+"""Keys that differ between recorded messages of one camera."""
+
+
+def document(text: str, name: str, accepted: str) -> dict[str, Any]:
+    """The one mapping in a file. InputFileError without one, or with several that differ."""
+    if len(text) > LONGEST_FILE_CHARACTERS:
+        raise InputFileError(f"{name}: {len(text)} characters; {accepted}")
+    if OCAMCALIB in text:
+        raise InputFileError(
+            f"{name}: a file of OCamCalib, whose polynomial runs from pixels to rays; calibrate from the same pictures "
+            "with `fwav-companion calibrate`, or with Kalibr's pinhole-equi"
+        )
+    mappings = [_python_mapping(text, name, accepted)] if _is_mrcal(text) else _yaml_mappings(text, name, accepted)
+    if not mappings:
+        raise InputFileError(f"{name}: no keys and values in it; {accepted}")
+    first = _without_stamps(mappings[0])
+    if any(_without_stamps(other) != first for other in mappings[1:]):
+        raise InputFileError(
+            f"{name}: {len(mappings)} documents, separated by ---, of different cameras; accepted: keep the one that flies"
+        )
+    return mappings[0]
+
+
+def _is_mrcal(text: str) -> bool:
+    return re.search(r"""^\s*\{?\s*['"]lensmodel['"]\s*:""", text, re.MULTILINE) is not None
+
+
+def _python_mapping(text: str, name: str, accepted: str) -> dict[str, Any]:
+    """A Python literal, as mrcal writes it: its encoded inputs are bytes, which YAML has no word for."""
+    try:
+        found = ast.literal_eval(text.strip())
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not all(isinstance(key, str) for key in found):
+        raise InputFileError(f"{name}: not a whole .cameramodel of mrcal; {accepted}")
+    return found
+
+
+def _yaml_mappings(text: str, name: str, accepted: str) -> list[dict[str, Any]]:
+    import yaml  # here: a relay without a camera never needs it
+
+    class Loader(yaml.SafeLoader):
+        """A safe loader that reads OpenCV's matrices: mappings with a tag."""
+
+    def plain_mapping(loader: Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+        return loader.construct_mapping(node, deep=True)
+
+    for tag in ("opencv-matrix", "opencv-nd-matrix"):
+        Loader.add_constructor(f"tag:yaml.org,2002:{tag}", plain_mapping)
+    if text.startswith("%YAML"):  # OpenCV spells the directive in a way that YAML does not accept
+        text = text.partition("\n")[2]
+    try:
+        documents = list(yaml.load_all(text, Loader=Loader))
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputFileError(f"{name}: {' '.join(str(error).split())[:200]}; {accepted}") from error
+    mappings = [each for each in documents if each is not None]
+    if not all(isinstance(each, dict) and all(isinstance(key, str) for key in each) for each in mappings):
+        raise InputFileError(f"{name}: no keys and values in it; {accepted}")
+    return mappings
+
+
+def _without_stamps(mapping: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in mapping.items() if key not in STAMP_KEYS}
