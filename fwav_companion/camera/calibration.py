@@ -17,8 +17,8 @@ from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.types import Lens
 
 ACCEPTED = (
-    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, a .cameramodel of "
-    "mrcal, a lens profile of gyroflow, or an OpenCV FileStorage with a model: line next to its matrices"
+    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, a .cameramodel "
+    "of mrcal, a lens profile of gyroflow, or an OpenCV FileStorage with a model: line next to its matrices"
 )
 ROS_MATRIX_KEYS = ("camera_matrix", "K", "k")
 NATIVE_MODEL = "kannala_brandt"
@@ -52,7 +52,8 @@ def file_and_camera(text: str) -> tuple[str, str]:
 def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False, camera: str = "") -> Calibration:
     """The calibration in ``text`` of the file ``name``. InputFileError names the key, its value and the fix.
 
-    ``camera``: the camera of a Kalibr chain of several. ``imu_is_frd``: the IMU of a Kalibr file has the body's axes; ``imu_axes: FRD`` in the file has the same effect.
+    ``camera``: the camera of a Kalibr chain of several. ``imu_is_frd``: the IMU of a Kalibr file has the body's axes;
+    ``imu_axes: FRD`` in the file has the same effect.
     """
     fields = Fields(document(text, name, ACCEPTED), name)
     try:
@@ -62,9 +63,7 @@ def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False, camera:
 
 
 def _read(fields: Fields, imu_is_frd: bool, camera: str) -> Calibration:
-    is_chain = ("intrinsics" in fields and "camera_model" in fields) or any(
-        re.fullmatch(r"cam\d+", key) for key in fields
-    )
+    is_chain = any(key == "intrinsics" or re.fullmatch(r"cam\d+", key) for key in fields) and "lensmodel" not in fields
     if camera and not is_chain:
         raise InputFileError(f"{fields.name}: it has one camera; accepted: the file's name without #{camera}")
     if "lensmodel" in fields:

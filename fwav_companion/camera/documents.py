@@ -31,7 +31,7 @@ def document(text: str, name: str, accepted: str) -> dict[str, Any]:
     first = _without_stamps(mappings[0])
     if any(_without_stamps(other) != first for other in mappings[1:]):
         raise InputFileError(
-            f"{name}: {len(mappings)} documents, separated by ---, of different cameras; accepted: keep the one that flies"
+            f"{name}: {len(mappings)} documents, separated by ---, of different cameras; accepted: the one that flies"
         )
     return mappings[0]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
+from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence, unique_ids
 from fwav_companion.tracking.joint_association import doubtful_fixes, jointly_gated, learn_decided
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs, unambiguous_pairs
@@ -28,31 +29,35 @@ def associate(
     against: Clutter,
     could_see: Callable[[Vector3], bool] | None = None,
     joint: JointGate | None = None,
+    ids: IdEvidence = NO_IDS,
 ) -> dict[int, tuple[int, float]]:
     """Map of candidate index to fix index, each at most once, and the fix's log-likelihood ratio against clutter.
 
     ``candidates``: at least one, all with the same filter.
     ``could_see``: whether a place is in view. A target in view without a fix was missed; a target out of view was not.
     Where shared errors displace targets by half the distance between them, this decides which are seen.
+    ``ids``: prefers, among pairs that the gates accept, those with the same id by the detector.
     ``joint``: narrows the gates of fixes that more than one track may take, and learns from the pairs.
     """
     frame, costs = possible_costs(candidates, fixes, against)
     doubtful = doubtful_fixes(costs, frame) if joint is not None else ()
     if joint is not None and doubtful:
         costs = jointly_gated(costs, frame, joint, doubtful)
-    taken = _taken(costs, frame, could_see)
+    taken = _taken(costs, frame, could_see, ids)
     if joint is not None and doubtful:
         learn_decided(taken, costs, frame, joint)
     return {i: (j, 0.5 * (min(-costs[i, j], frame.clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
-def _taken(costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None) -> dict[int, int]:
+def _taken(
+    costs: Costs, frame: TracksAndFixes, could_see: Callable[[Vector3], bool] | None, ids: IdEvidence
+) -> dict[int, int]:
     """Fix index of each track that takes a fix, by candidate index."""
     alone = unambiguous_pairs(costs)  # taken: they cost less than a miss
     if len(alone) == len(costs):
         return alone
     contested = {(i, j): cost for (i, j), cost in costs.items() if i not in alone}
-    prior = _with_priority(_with_misses(contested, frame, could_see), frame)
+    prior = _with_ids(_with_priority(_with_misses(contested, frame, could_see), frame), frame, ids)
     return dict(sorted([*_assigned(prior).items(), *alone.items()]))
 
 
@@ -88,6 +93,16 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
     return {
         (i, j): cost if confirmed[i] else min(cost + CONFIRMED_BONUS, LAST * cost) for (i, j), cost in costs.items()
     }
+
+
+def _with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
+    """The costs, less the bonus of pairs whose track and fix have one id, if no other fix of the frame has it."""
+    bonus = ids.bonus
+    if bonus == 0.0:
+        return costs
+    of_fix = unique_ids([fix.sighting.detection.detector_id for fix in frame.fixes])
+    same = {(i, j) for i, j in costs if of_fix[j] is not None and of_fix[j] == frame.candidates[i].detector_id}
+    return {pair: cost - bonus if pair in same else cost for pair, cost in costs.items()}
 
 
 def _assigned(costs: Costs) -> dict[int, int]:

@@ -12,6 +12,7 @@ from math import exp, log
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.tracking.detector_ids import IdEvidence
 
 DETECTED_PRIOR, MISSED_PRIOR = 3.5, 1.5
 """Beta prior of the detection probability: 0.7 on average, worth five looks."""
@@ -54,9 +55,18 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     """Capture of the newest frame, host clock."""
     detection_probability: float = DETECTED_PRIOR / (DETECTED_PRIOR + MISSED_PRIOR)
     """The probability that a look at a target detects it."""
+    ids: IdEvidence = IdEvidence()
+    """How far the detector's own track ids persist."""
 
     def after_frame(
-        self, host_ns: HostNs, *, detected: int, looks: int, false: float, undecided: float = 0.0
+        self,
+        host_ns: HostNs,
+        *,
+        detected: int,
+        looks: int,
+        false: float,
+        undecided: float = 0.0,
+        ids: IdEvidence | None = None,
     ) -> DetectorModel:
         """The model after one more frame with its looks at confirmed tracks and its false detections."""
         looked, framed = self.looks + looks, self.frames + 1.0
@@ -71,6 +81,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
             older * (self.seconds + self.elapsed_s(host_ns)),
             host_ns,
             _detection_probability(hits, looked),
+            self.ids if ids is None else ids,
         )
 
     def elapsed_s(self, host_ns: HostNs) -> float:

@@ -42,7 +42,7 @@ def associated(
     if not (tracks and view.fixes):
         return FrameAssociation()
     against = clutter(detector, view.image_px2)
-    pairs = associate(_candidates(tracks, view, choice), view.fixes, against, view.could_see, joint)
+    pairs = associate(_candidates(tracks, view, choice), view.fixes, against, view.could_see, joint, detector.ids)
     taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
     if len(tracks) + len(view.fixes) > MAX_TRACKS:  # a branch must not take the place of a target
         return FrameAssociation(taken)

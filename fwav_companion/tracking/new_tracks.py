@@ -8,6 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking import reacquisition
+from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
@@ -59,32 +60,36 @@ def with_new(
 
 
 def without_strays(
-    fixes: Sequence[GroundFix], tracks: Sequence[LiveTrack], taken: Container[int], host_ns: HostNs
+    fixes: Sequence[GroundFix],
+    tracks: Sequence[LiveTrack],
+    taken: Container[int],
+    host_ns: HostNs,
+    *,
+    ids: IdEvidence = NO_IDS,
 ) -> list[GroundFix]:
     """The fixes that are not in the gate of a steady track without a fix in this frame.
 
     A fix in such a gate is not evidence of another target. Association refuses it where a false detection and a missed
     target are likelier. A track initiated with it would share its error, such as a height error that several frames
     repeat, and would take the next fixes of the same target from the confirmed track.
-    ``taken``: ids of the tracks with a fix.
+    ``taken``: ids of the tracks with a fix. ``ids``: how far the detector's own ids keep things apart.
     """
     left = list(fixes)
     for track in tracks:
         if left and track.id not in taken and is_steady(track.life, host_ns):
-            left = _outside_gate(track, left)
+            left = _outside_gate(track, left, ids)
     return left
 
 
-def _outside_gate(track: LiveTrack, fixes: Sequence[GroundFix]) -> list[GroundFix]:
+def _outside_gate(track: LiveTrack, fixes: Sequence[GroundFix], ids: IdEvidence) -> list[GroundFix]:
     """The fixes that are not in the gate of this track."""
-    own = [fix for fix in fixes if _may_be_of(track, fix.sighting.detection)]
+    own = [fix for fix in fixes if _may_be_of(track, fix.sighting.detection, ids)]
     gated = {id(fix) for fix, seen in zip(own, gates_of(track.target, own), strict=True) if seen.nis < GATE}
     return [fix for fix in fixes if id(fix) not in gated]
 
 
-def _may_be_of(track: LiveTrack, detection: Detection) -> bool:
-    differs = None not in (track.detector_id, detection.detector_id) and track.detector_id != detection.detector_id
-    return track.label == detection.label and not differs
+def _may_be_of(track: LiveTrack, detection: Detection, ids: IdEvidence) -> bool:
+    return track.label == detection.label and not ids.distinguish(track.detector_id, detection.detector_id)
 
 
 def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:

@@ -1,8 +1,8 @@
 """Costs of those pairs of a track and a fix of one frame that the gates accept.
 
 The cost of a pair is minus twice the log of its likelihood against clutter and a missed detection. Errors that track
-and fix share cancel in the gate. Only equal labels form pairs. A pair with the same id by the detector is preferred,
-provided that the fix lies within ID_GATE.
+and fix share cancel in the gate. Only equal labels form pairs. Ids by the detector are evidence of the
+association, not of the gates.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fwav_companion.tracking.clutter import Clutter
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.standing import StandingTargetState, gates_of
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
@@ -65,9 +65,6 @@ class TracksAndFixes(msgspec.Struct, frozen=True):
 
         A steady track also takes a fix that is more likely clutter, if a missed detection is even less likely.
         """
-        detector_id = self.fixes[j].sighting.detection.detector_id
-        if detector_id is not None and detector_id == self.candidates[i].detector_id:
-            return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
         cost = gated.nis + gated.log_det_ratio - self.clutter_llr[j]
         most = self.against.far_cost if self.candidates[i].steady else 0.0
         return cost if gated.nis < gate and cost < most else None
@@ -103,7 +100,7 @@ def _possible(
         detection = fix.sighting.detection
         if detection.label in targets:
             llr = clutter_llr[j] = against.llr_of(fix) + against.detection_odds
-            gate = max(0.0, min(GATE, llr + against.far_cost)) if detection.detector_id is None else ID_GATE
+            gate = max(0.0, min(GATE, llr + against.far_cost))
             by_label[detection.label].append((j, fix, gate))
     possible: dict[int, list[int]] = {}
     for label, of_label in by_label.items():

@@ -15,6 +15,7 @@ from math import dist
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S
+from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.standing import gates_of
@@ -72,8 +73,13 @@ class TrackMerging(msgspec.Struct, frozen=True):
         missed: Sequence[int],
         elapsed_ns: int,
         target_of: Callable[[LiveTrack], TargetEstimate],
+        *,
+        ids: IdEvidence = NO_IDS,
     ) -> TrackMerging:
-        """The pairs after a frame. ``missed``: ids of the tracks that it missed. ``elapsed_ns``: frame interval."""
+        """The pairs after a frame. ``missed``: ids of the tracks that it missed. ``elapsed_ns``: frame interval.
+
+        ``ids``: how far the detector's own ids keep tracks apart.
+        """
         if not missed and not self.pairs:
             return self
         found = {track.id for track in tracks if track.fix is not None}
@@ -85,7 +91,7 @@ class TrackMerging(msgspec.Struct, frozen=True):
         seen = [track for track in by_id.values() if track.fix is not None]
         looked_ns = min(elapsed_ns, LOOK_NS)
         for junior in (by_id[number] for number in missed if seen and number in by_id):
-            for other in _substitutes(junior, seen, target_of):
+            for other in _substitutes(junior, seen, target_of, ids):
                 pair = tuple(track.id for track in sorted((junior, other), key=seniority))
                 turns = pairs.get((pair[0], pair[1]), AlternatingFixes())
                 pairs[pair[0], pair[1]] = turns.with_look(looked_ns, fast=junior.life.misses <= FAST)
@@ -113,10 +119,11 @@ def seniority(track: LiveTrack) -> tuple[int, int]:
 
 
 def _substitutes(
-    missed: LiveTrack, seen: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate]
+    missed: LiveTrack, seen: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetEstimate], ids: IdEvidence
 ) -> list[LiveTrack]:
     """The confirmed tracks whose fix in this frame the missed track's gate accepts."""
-    others = [track for track in seen if track.label == missed.label and not _differ_by_id(track, missed)]
+    alike = [track for track in seen if track.label == missed.label]
+    others = [track for track in alike if not ids.distinguish(track.detector_id, missed.detector_id)]
     gated = gates_of(target_of(missed), [track.fix for track in others if track.fix is not None]) if others else ()
     return [track for track, result in zip(others, gated, strict=True) if result.nis < GATE]
 
@@ -132,8 +139,3 @@ def _coincide(one: TargetEstimate, other: TargetEstimate, fix: GroundFix) -> boo
     (nn, _, _), (_, ee, _), _ = fix.noise_cov
     near = dist(one.position_ned[:2], other.position_ned[:2]) ** 2 < nn + ee
     return near and one.separation2(other.track) < GATE
-
-
-def _differ_by_id(one: LiveTrack, other: LiveTrack) -> bool:
-    """Whether the detector's own ids distinguish two tracks."""
-    return one.detector_id is not None and other.detector_id is not None and one.detector_id != other.detector_id

@@ -128,7 +128,9 @@ class Tracker:
         update = FrameUpdate(view, choice, state.detector, self._keep_ns, self._corrects, self.reports_innovations)
         after, missed = update.after(predicted, found.taken)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
-        merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
+        merging = state.merging.after_frame(
+            after, [track.id for track in missed], elapsed_ns, choice.target, ids=state.detector.ids
+        )
         begun = Begun(merging.merged(after, choice.target), state.next_id)
         if len(found.taken) < len(view.fixes):
             begun = self._begun(begun, predicted, found, view, landmarks)
@@ -162,7 +164,7 @@ class Tracker:
     ) -> Begun:
         """The tracks and those initiated from fixes that no track took. ``predicted``: the tracks before the frame."""
         left = found.unused(view.fixes)
-        free = without_strays(left, predicted, found.taken, view.host_ns)
+        free = without_strays(left, predicted, found.taken, view.host_ns, ids=self._state.detector.ids)
         target_of = self._filter.initiate if landmarks is None else landmarks.initiate
         begun = with_new(
             before, free, view.host_ns, target_of=target_of, branchings=found.branchings, detector=self._state.detector

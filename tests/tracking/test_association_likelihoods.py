@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from fwav_companion.tracking.association import associate
 from fwav_companion.tracking.clutter import LEAST_NOISE_PX2, Clutter, clutter, noise_area_px2
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.pair_costs import Candidate
 from fwav_companion.types.tracks import GateResult
 
@@ -70,16 +70,16 @@ def test_the_ratio_is_that_of_the_predicted_density_and_of_clutter_in_the_image(
     assert llr == pytest.approx(log(density_a_px2 / (DetectorModel().false_per_frame / IMAGE_PX2)))
 
 
-def test_a_detectors_own_id_adds_no_more_than_a_perfect_fix():
-    """A pair by id costs less than any other, so it wins; its evidence is that of a fix at the prediction."""
+def test_an_equal_id_decides_between_pairs_of_similar_distance_and_adds_nothing_to_the_evidence():
+    """The bonus is that of the prior persistence of ids, 0.8: 2.8 in units of the NIS."""
     fix = a_fix(0.0, (0.0, 0.0, 0.0), np.diag([0.04, 0.04, 0.0]), detector_id=5)
-    near, same = Predicted(0.1), Predicted(ID_GATE - 1.0)
+    near, same, far = Predicted(0.1), Predicted(2.0), Predicted(4.0)
     pairs = associate([Candidate("", near, None), Candidate("", same, 5)], [fix], AGAINST)
     assert list(pairs) == [1]
-    perfect = AGAINST.llr_of(fix) + AGAINST.detection_odds
-    assert pairs[1][1] == pytest.approx(0.5 * (min(ID_GATE + 1.0, perfect) - AGAINST.detection_odds))
-    assert associate([Candidate("", Predicted(ID_GATE + 0.1), 5)], [fix], AGAINST) == {}
-    assert associate([Candidate("", Predicted(GATE + 0.1), 4)], [fix], AGAINST) == {}
+    without = associate([Candidate("", same, None)], [fix], AGAINST)
+    assert pairs[1][1] == without[0][1]
+    assert list(associate([Candidate("", near, None), Candidate("", far, 5)], [fix], AGAINST)) == [0]
+    assert associate([Candidate("", Predicted(GATE + 0.1), 5)], [fix], AGAINST) == {}
 
 
 def test_a_rare_detection_costs_its_odds_and_a_likely_one_nothing():

@@ -10,7 +10,7 @@ from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, coarse_gate, make_tracker
 from fwav_companion.tracking.coarse_gate import possible_pairs
-from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.types import BIAS_COUNT, Bias
 
@@ -62,7 +62,7 @@ def test_it_leaves_out_no_pair_that_the_gate_accepts(seed, spread_m, with_ids):
         for k in range(1, int(rng.integers(1, 6))):
             target = target.update(fix(0.1 * k, place + rng.normal(size=2)))
         targets.append((i, target.predict(a_view(float(rng.choice([1.0, 300.0]))).host_ns)))
-    gates = np.full(16, ID_GATE) if with_ids else rng.uniform(0.0, GATE, 16)
+    gates = np.full(16, GATE) if with_ids else rng.uniform(0.0, GATE, 16)
     places = enumerate(rng.normal(size=(16, 2)) * spread_m)
     fixes = [(j, fix(1.0, place), gate) for (j, place), gate in zip(places, gates.tolist(), strict=True)]
     accepted = {(i, j) for i, target in targets for j, each, gate in fixes if target.gate(each).nis < gate}

@@ -119,7 +119,7 @@ def test_what_only_the_user_knows_is_asked_with_the_candidates(tmp_path, outputs
             [picture_input((1, 3, 256, 256))],
             r"NanoDet-Plus .*export boxes, scores and labels",
         ),
-        ({"o": np.zeros((1, 3, 8, 8, 85), np.float32)}, None, r"raw heads of a YOLO; export with its decoding .*--grid"),
+        ({"o": np.zeros((1, 3, 8, 8, 85), np.float32)}, None, r"raw heads of a YOLO; export with its .*--grid"),
         ({f"o{n}": np.zeros((1, 255, n, n), np.float32) for n in (2, 4, 8)}, None, "raw heads of a YOLO"),
         (
             {"regressors": np.zeros((1, 896, 16), np.float32), "classificators": np.zeros((1, 896, 1), np.float32)},

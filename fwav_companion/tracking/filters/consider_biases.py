@@ -18,7 +18,7 @@ from fwav_companion.geometry.small_matrices import Row, Symmetric2, add_diagonal
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
 from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S
-from fwav_companion.tracking.filters.gates import widest_gate
+from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.linearization import SENSITIVE, delay_curvature
 from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix
 
@@ -124,7 +124,7 @@ class ConsiderBiases:
             self._remembered.clear()
             self._frame_ns = fix.sighting.frame_host_ns
         north, east, (dn, de, dd) = fix.noise_cov
-        noise, gate = (north, east, (dn, de, dd + DOWN_FLOOR_M2)), widest_gate(fix.sighting.detection)
+        noise, gate = (north, east, (dn, de, dd + DOWN_FLOOR_M2)), GATE
         prepared = Measurement(fix.position_ned, noise, self._scaled(fix), gate)
         self._remembered[id(fix)] = (fix, prepared)
         return prepared
