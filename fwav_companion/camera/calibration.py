@@ -17,8 +17,8 @@ from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.types import Lens
 
 ACCEPTED = (
-    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, a .cameramodel "
-    "of mrcal, a lens profile of gyroflow, or an OpenCV FileStorage with a model: line next to its matrices"
+    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, a "
+    ".cameramodel of mrcal, a gyroflow lens profile, or an OpenCV FileStorage with a model: line next to its matrices"
 )
 ROS_MATRIX_KEYS = ("camera_matrix", "K", "k")
 NATIVE_MODEL = "kannala_brandt"

@@ -66,7 +66,7 @@ def _calibrated(arguments: argparse.Namespace) -> int:
     if arguments.report:
         require("calibrate --report", "matplotlib")
     from fwav_companion.cli.calibrate_output import report_failure, report_lens, show_pictures
-    from fwav_companion.cli.progress import steps
+    from fwav_companion.cli.progress import described_steps, steps
     from fwav_companion.tools.calibrate.board_spec import parse_board
     from fwav_companion.tools.calibrate.board_views import find_board
     from fwav_companion.tools.calibrate.lens_comparison import read_previous
@@ -80,7 +80,7 @@ def _calibrated(arguments: argparse.Namespace) -> int:
     pictures, left_out = pictures_of(arguments.images, steps)
     if left_out:
         print(left_out)
-    with steps("searching for the board", len(pictures)) as on_step:
+    with described_steps("searching for the board", len(pictures)) as on_step:
         search = find_board(pictures, board, on_step)
     result = fit_lens(search.views, search.size)
     rows = show_pictures([picture.name for picture in pictures], search, result)

@@ -29,6 +29,20 @@ def steps(name: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
+def described_steps(name: str, total: int) -> Iterator[Callable[[str], None]]:
+    """A context that yields a function to call after each step, with what is known by then."""
+    if not sys.stderr.isatty():
+        yield lambda _known: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(name, total=total)
+        yield lambda known: progress.update(task, advance=1, description=f"{name}: {known}")
+
+
+@contextmanager
 def replays(recording: Recording | Photographs) -> Iterator[Watched]:
     """A context that yields a function of a replay's name and lines: it yields the lines and shows a bar by time."""
     from fwav_companion.replay import Photographs

@@ -1,8 +1,8 @@
 """Evidence of the detector's own track ids: weak, and only as far as this flight has shown them to persist. PURE.
 
 An id says that two detections are one thing. Trackers swap ids where things cross, begin new ones after a miss, or give
-all things one id. So an id never opens or closes a gate: it changes the choice among pairs that the gates accept, by the
-log-odds that an id persists from one fix of a track to the next. Only ids that persist keep two tracks apart.
+all things one id. So an id never opens or closes a gate: it changes the choice among pairs that the gates accept, by
+the log-odds that an id persists from one fix of a track to the next. Only ids that persist keep two tracks apart.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ BENCHMARKS = (
     "startup",
     "daemon",
     "detection",
+    "tiles",
     "patch",
     "camera",
     "study",

@@ -19,6 +19,7 @@ from fwav_companion.tools.calibrate.board_finders import (
     spacing_px,
 )
 from fwav_companion.tools.calibrate.board_spec import CalibrationBoard
+from fwav_companion.tools.calibrate.image_coverage import ImageCoverage
 from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardView
 from fwav_companion.tools.calibrate.missing_board import (
     BLURRED_PX,
@@ -69,10 +70,13 @@ class BoardSearch(msgspec.Struct, frozen=True, eq=False):
 
 
 def find_board(
-    pictures: Sequence[CalibrationPicture], board: CalibrationBoard, on_step: Callable[[], None]
+    pictures: Sequence[CalibrationPicture], board: CalibrationBoard, on_step: Callable[[str], None]
 ) -> BoardSearch:
-    """The views of the board. InputFileError: a picture is unreadable or of another size. UserError: no such board."""
-    finder, diagnosis = finder_of(board), BoardDiagnosis(board)
+    """The views of the board. InputFileError: a picture is unreadable or of another size. UserError: no such board.
+
+    ``on_step`` takes, after each picture, which parts of the image the boards have covered by then.
+    """
+    finder, diagnosis, coverage = finder_of(board), BoardDiagnosis(board), ImageCoverage()
     views: list[BoardView] = []
     missing: dict[str, MissingBoard] = {}
     repeated: dict[str, str] = {}
@@ -90,8 +94,9 @@ def find_board(
                 repeated[picture.name] = earlier
             else:
                 views.append(view)
+                coverage.add(view.pixels, grey.shape[1], grey.shape[0])
                 blurred.update({picture.name: width_px} if width_px is not None and width_px > BLURRED_PX else {})
-        on_step()
+        on_step(coverage.shown())
 
     size = same_size(pictures, search)
     return BoardSearch(size=size, views=tuple(views), missing=missing, repeated=repeated, blurred=blurred)

@@ -107,7 +107,7 @@ def test_of_a_video_the_sharpest_frame_of_each_piece(video):
 
 def test_a_video_that_counts_its_frames_wrongly_is_read_all_the_same(video):
     for said in (1, 100 * VIDEO_PIECES):
-        found, frames = sharpest_frames(Path(video), said, lambda: None)
+        found, frames = sharpest_frames(Path(video), said, lambda _known: None)
         assert frames == 3 * VIDEO_PIECES
         assert 1 <= len(found) <= VIDEO_PIECES
         assert any(number % 3 == 1 for number, _ in found)
@@ -164,7 +164,7 @@ def test_pictures_of_two_sizes(tmp_path):
 def test_looking_names_every_picture(chess_folder, tmp_path):
     tiny = grey_picture(tmp_path / "dull.png", (320, 240))
     taken = pictures([str(tiny), str(chess_folder)])[:3]
-    looked = find_board(taken, BOARD, lambda: None)
+    looked = find_board(taken, BOARD, lambda _known: None)
     assert looked.size == (320, 240)
     assert looked.unused == {str(tiny): "board not seen"}
     assert [view.name for view in looked.views] == names(taken)[1:]
@@ -172,7 +172,7 @@ def test_looking_names_every_picture(chess_folder, tmp_path):
 
 
 def test_a_picture_too_small_for_any_board_shows_none(tmp_path):
-    looked = find_board(pictures([str(grey_picture(tmp_path / "1.png", (1, 1)))]), BOARD, lambda: None)
+    looked = find_board(pictures([str(grey_picture(tmp_path / "1.png", (1, 1)))]), BOARD, lambda _known: None)
     assert (looked.views, len(looked.unused)) == ((), 1)
 
 
@@ -191,7 +191,9 @@ def test_copies_of_a_view_count_once(chess_folder, tmp_path):
 
 @pytest.mark.parametrize("counted", first_of("7x6", "8x6"))
 def test_squares_counted_for_corners_are_hinted_at(chess_folder, counted):
-    looked = find_board(pictures([str(chess_folder)])[:2], parse_board(f"chessboard:{counted}:25mm"), lambda: None)
+    looked = find_board(
+        pictures([str(chess_folder)])[:2], parse_board(f"chessboard:{counted}:25mm"), lambda _known: None
+    )
     assert not looked.views
     assert f"seen in part: 7x5 of its {counted} inner corners are in the picture" in looked.reasons
     assert looked.reasons.endswith("(2 of 2)")

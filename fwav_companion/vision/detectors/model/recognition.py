@@ -172,8 +172,8 @@ def _refused_by_name(facts: ModelFacts, outputs: Outputs) -> str:
     cells = sum(-(-facts.size[0] // stride) * -(-facts.size[1] // stride) for stride in NANODET_STRIDES)
     if len(shapes) == 1 and len(shapes[0]) == 3 and shapes[0][1] == cells:
         return (
-            "a raw head of NanoDet-Plus (strides 8 to 64): its boxes are distributions over distances; add its decoding "
-            "to the graph and export boxes, scores and labels, or send its program's detections to [detections] url"
+            "a raw head of NanoDet-Plus (strides 8 to 64): its boxes are distributions over distances; add its "
+            "decoding to the graph and export boxes, scores and labels, or send its own detections to [detections] url"
         )
     if any(len(shape) == 5 for shape in shapes) or (len(shapes) == 3 and all(len(shape) == 4 for shape in shapes)):
         return "raw heads of a YOLO; export with its decoding (v5: export.py --include onnx; v7: --grid)"
