@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import socket
@@ -91,6 +92,21 @@ def test_every_finding_that_the_troubleshooting_names_exists():
     known |= {line.rpartition(".")[2] for line in names("status.txt")} | names("detections.txt")
     for code in re.findall(r"`([a-z]+_[a-z_]+)`", (DOCS / "troubleshooting.md").read_text(encoding="utf-8")):
         assert code in known | {"time_monotonic", "time_boot", "time_unix"}, code
+
+
+def test_every_layout_of_the_detectors_page_is_one_of_the_detectors_tests():
+    """Each row names its tests, and each graph with a known answer has its row."""
+    text = (DOCS / "guides" / "detectors.md").read_text(encoding="utf-8")
+    rows = [line.split("|") for line in text.splitlines() if line.startswith("|") and line.count("|") == 5]
+    named = [name for row in rows for name in re.findall(r"`([^`]+)`", row[4])]
+    table = ast.parse((ROOT / "tests" / "vision" / "model_layouts.py").read_text(encoding="utf-8"))
+    (layouts,) = (
+        node.value
+        for node in table.body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "LAYOUTS"
+    )
+    assert isinstance(layouts, ast.Dict)
+    assert sorted(named) == sorted(key.value for key in layouts.keys if isinstance(key, ast.Constant))
 
 
 def test_the_detector_of_the_guide_sends_what_the_service_accepts():

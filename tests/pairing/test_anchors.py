@@ -85,3 +85,31 @@ def test_the_centre_of_a_marker_is_not_bent_by_the_lens(off):
         assert np.hypot(*(crossing - true)) > 0.1
     elsewhere = (crossing[0] + 3.0, crossing[1])
     assert marker_centre(Detection(*elsewhere, corners=tuple(map(tuple, corners))), LENS) == elsewhere
+
+
+@pytest.mark.parametrize("azimuth_deg", [30.0, 150.0, 250.0])
+def test_the_foot_of_a_turned_box_is_nearer_to_the_truth_than_that_of_the_upright_one(azimuth_deg):
+    """A pole whose image is oblique: its turned box is narrow, the upright one around it has the foot in a corner."""
+    ned_from_camera, pixels = pole(55.0, azimuth_deg)
+    foot, head = pixels[0], pixels[-1]
+    along = (head - foot) / np.linalg.norm(head - foot)
+    across = 2.0 * np.array([-along[1], along[0]])
+    outline = [foot - across, foot + across, head + across, head - across]
+    box = (*np.min(outline, axis=0), *np.max(outline, axis=0))
+    upright = foot_pixel(Detection(0.0, 0.0, box=box), ned_from_camera, LENS)
+    upright_px = np.hypot(*(np.array(upright) - foot))
+    for corners in (outline, outline[::-1]):
+        turned = foot_pixel(Detection(0.0, 0.0, box=box, outline=tuple(map(tuple, corners))), ned_from_camera, LENS)
+        assert np.hypot(*(np.array(turned) - foot)) < min(0.5, upright_px)
+
+
+def test_ankles_are_a_little_above_the_ground_and_without_them_the_middle_counts():
+    ned_from_camera, pixels = pole(40.0, 0.0)
+    person = StandingTarget(label="person", height_m=1.7, anchor="ankles")
+    ankles = tuple(pixels[1])  # 0.06 m above the ground
+    found = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels), foot=ankles), ned_from_camera, LENS)
+    assert found.pixel == ankles
+    assert found.height_m == pytest.approx(0.06, abs=0.02)
+    assert found.sigma_m < 0.05
+    without = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels)), ned_from_camera, LENS)
+    assert (without.pixel, without.height_m) == (None, pytest.approx(0.85))

@@ -1,5 +1,6 @@
 """The parameters of the vision process from [vision], and the meaning of its stamps."""
 
+import msgspec
 import pytest
 
 from fwav_companion.config import parse
@@ -33,6 +34,28 @@ def test_a_detectors_settings_go_along():
     task = make_vision_task(config('source = "x"', 'detector = "aruco"', 'aruco_dictionary = "6x6_250"'))
     assert (task.detector, task.aruco_dictionary) == ("aruco", "6x6_250")
     assert make_vision_task(config('detector = "color"', "color_hue_deg = 240.0")).color_hue_deg == 240.0
+
+
+def test_a_models_settings_are_read_from_the_configuration_and_reach_the_vision_process():
+    """The task travels as JSON."""
+    lines = [
+        'source = "x"',
+        'model_format = "dfine"',
+        "model_size = [640, 384]",
+        'model_resize = "stretch"',
+        "model_normalize = [[103.5, 116.3, 123.7], [57.4, 57.1, 58.4]]",
+        'model_background = "first"',
+        "model_tiles = [4, 3]",
+        "model_sigma = [0.4, 0.02]",
+        "model_bias = [0.0, 0.05]",
+    ]
+    task = make_vision_task(config(*lines))
+    assert (task.model_size, task.model_tiles, task.model_background) == ((640, 384), (4, 3), "first")
+    assert task.model_normalize == ((103.5, 116.3, 123.7), (57.4, 57.1, 58.4))
+    assert msgspec.json.decode(msgspec.json.encode(task), type=VisionTask) == task
+    for wrong in ("model_size = [640]", 'model_normalize = "mean"', "model_tiles = [0, 1]", 'model_format = "yolo"'):
+        with pytest.raises(ConfigError, match=wrong.partition(" ")[0]):
+            config('source = "x"', wrong)
 
 
 def test_without_vision_there_is_nothing_to_do():
