@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
-from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence, unique_ids
+from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence
 from fwav_companion.tracking.joint_association import doubtful_fixes, jointly_gated, learn_decided
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs, unambiguous_pairs
@@ -96,11 +96,11 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
 
 
 def _with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
-    """The costs, less the bonus of pairs whose track and fix have one id, if no other fix of the frame has it."""
+    """The costs, less the bonus of pairs whose track and fix have one id."""
     bonus = ids.bonus
     if bonus == 0.0:
         return costs
-    of_fix = unique_ids([fix.sighting.detection.detector_id for fix in frame.fixes])
+    of_fix = [fix.sighting.detection.detector_id for fix in frame.fixes]
     same = {(i, j) for i, j in costs if of_fix[j] is not None and of_fix[j] == frame.candidates[i].detector_id}
     return {pair: cost - bonus if pair in same else cost for pair, cost in costs.items()}
 

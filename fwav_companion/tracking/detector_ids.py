@@ -7,8 +7,7 @@ the log-odds that an id persists from one fix of a track to the next. Only ids t
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from math import log
 from typing import TypeAlias
 
@@ -64,9 +63,3 @@ class IdEvidence(msgspec.Struct, frozen=True, gc=False):
 
 NO_IDS = IdEvidence()
 """The evidence before a flight."""
-
-
-def unique_ids(ids: Sequence[Id]) -> list[Id]:
-    """The ids of a frame's fixes; None in place of those that several fixes have: they distinguish nothing."""
-    counts = Counter(ids)
-    return [number if counts[number] == 1 else None for number in ids]

@@ -9,7 +9,6 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
-from fwav_companion.tracking.detector_ids import unique_ids
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
@@ -177,13 +176,11 @@ def detector_after(
             false += expected
         else:
             undecided += expected
-    seen = [
+    ids = detector.ids.after(
         (old.detector_id, now.fix.sighting.detection.detector_id)
         for old, now in zip(before, after, strict=False)
         if now.fix is not None
-    ]
-    of_fix = unique_ids([number for _, number in seen])
-    ids = detector.ids.after((old, number) for (old, _), number in zip(seen, of_fix, strict=True))
+    )
     return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=ids)
 
 

@@ -104,7 +104,7 @@ def test_sigma_without_labels_recovers_the_jitter_of_standing_things(tmp_path, c
     jitter = np.std(places)  # 0.5 px: whole pixels, of which two are equally likely
     result = printed(config, pictures_of(tmp_path / "pictures", places), capsys, "--sigma", "still")
     floor_px, share = result["model_sigma"]
-    assert np.hypot(floor_px, share * SIDE) == pytest.approx(jitter, rel=0.2)
+    assert np.hypot(floor_px, share * SIDE) == pytest.approx(jitter, rel=0.1)
     assert "model_bias" not in result
 
 

@@ -71,6 +71,18 @@ def test_outputs_that_are_no_numbers_are_dropped_with_one_line(tmp_path, caplog)
     ]
 
 
+def test_no_detection_for_ever_is_one_line_with_the_best_score(tmp_path, caplog):
+    path = constant_model(
+        tmp_path / "m.onnx", {"o": rows_with([*in_input("letterbox"), 0.11, 1.0], 300)}, metadata=NAMES
+    )
+    model = detector(path)
+    for _ in range(620):
+        assert model.detect(WIDE) == []
+    assert [record.getMessage() for record in caplog.records] == [
+        "m.onnx: no detection in 300 pictures; the best score was 0.11, model_confidence is 0.25"
+    ]
+
+
 def test_labels_by_the_configuration_where_the_file_has_none(tmp_path):
     path = constant_model(tmp_path / "m.onnx", LAYOUTS["nms7"][0])
     assert detector(path).detect(WIDE)[0]["label"] == "1"

@@ -44,6 +44,8 @@ MOST_UNDECIDED: Final = 50
 """Most pictures that are read in search of one that tells the layout."""
 FIRST_PICTURES: Final = 50
 """Pictures whose outputs are judged."""
+LONG_EMPTY: Final = 300
+"""Pictures without any detection after which the log says so once: ten seconds at 30 pictures/s."""
 
 
 class OnnxDetector:
@@ -54,6 +56,7 @@ class OnnxDetector:
         self._task = task
         self._pictures = 0
         self._complained = self._judged = False
+        self._detected, self._best_score = 0, 0.0
         self.problem = ""
         """What is implausible in the first outputs; "" where nothing is."""
         try:
@@ -120,6 +123,15 @@ class OnnxDetector:
         several = len(passes) > 1
         seen = merged(_joined(passes), self._task.model_iou) if several else passes[0]
         seen = seen.where(np.arange(min(len(seen.boxes.scores), MAX_DETECTIONS)))
+        self._detected += len(seen.boxes.scores)
+        if self._pictures == LONG_EMPTY and not self._detected:
+            _log.warning(
+                "%s: no detection in %d pictures; the best score was %.2g, model_confidence is %g",
+                self._name,
+                LONG_EMPTY,
+                self._best_score,
+                self._task.model_confidence,
+            )
         return self._written(seen, width, height)
 
     def _pass(self, pixels: Pixels, tile: Tile) -> PassBoxes:
@@ -198,6 +210,7 @@ class OnnxDetector:
             _log.warning(
                 "%s: %d outputs are not finite numbers: dropped, further ones without a message", self._name, number
             )
+        self._best_score = max(self._best_score, float(boxes.scores[finite].max(initial=0.0)))
         boxes = boxes.where(finite & (boxes.scores >= self._task.model_confidence) & (boxes.classes >= 0))
         boxes = boxes.where(np.argsort(-boxes.scores, kind="stable")[:MOST_CANDIDATES])
         if self._known_layout.overlaps:
