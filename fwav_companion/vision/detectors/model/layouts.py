@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from fwav_companion.vision.detectors.model import decoders
+from fwav_companion.vision.detectors.model import decoders, named_decoders
 from fwav_companion.vision.detectors.model.boxes import Boxes
 from fwav_companion.vision.detectors.model.decoders import COCO_POINTS, MASK_WEIGHTS, Reading
 from fwav_companion.vision.detectors.model.facts import ModelFacts, Outputs
@@ -202,27 +202,27 @@ LAYOUTS: Final = (
     Layout("YOLOX", FAMILIES["yolox"], _yolox, decoders.yolox_rows, overlaps=True),
     Layout("YOLOv10, 26, end to end", FAMILIES["yolov10"], _end_to_end, decoders.end_to_end_rows),
     Layout("YOLO-NAS flat", FAMILIES["yolonas"], _yolonas_flat, decoders.yolonas_rows),
-    Layout("YOLO-NAS batch", FAMILIES["yolonas"], _yolonas_batch, decoders.yolonas_batch),
+    Layout("YOLO-NAS batch", FAMILIES["yolonas"], _yolonas_batch, named_decoders.yolonas_batch),
     Layout("YOLO-NAS raw", FAMILIES["yolonas"], _yolonas_raw, decoders.yolonas_raw, overlaps=True),
     Layout("RT-DETR of Ultralytics", FAMILIES["rtdetr"], _detr_rows, decoders.detr_rows),
-    Layout("RT-DETR, D-FINE, DEIM", FAMILIES["rtdetr"], _detr_boxes, decoders.named_boxes),
+    Layout("RT-DETR, D-FINE, DEIM", FAMILIES["rtdetr"], _detr_boxes, named_decoders.named_boxes),
     Layout(
         "RT-DETR, D-FINE raw",
         FAMILIES["rtdetr"],
         _rtdetr_logits,
-        decoders.logits_and_boxes,
+        named_decoders.logits_and_boxes,
         activation="sigmoid",
     ),
-    Layout("RF-DETR", FAMILIES["rfdetr"], _rfdetr, decoders.logits_and_boxes, activation="sigmoid"),
-    Layout("DETR", FAMILIES["detr"], _detr, decoders.logits_and_boxes, activation="softmax"),
-    Layout("mmdeploy", FAMILIES["mmdeploy"], _mmdeploy, decoders.mmdeploy_boxes),
-    Layout("PP-YOLOE, PicoDet", FAMILIES["paddle"], _paddle, decoders.paddle_rows),
-    Layout("torchvision", FAMILIES["torchvision"], _torchvision, decoders.named_boxes),
-    Layout("TensorFlow zoo", FAMILIES["tf"], _tensorflow, decoders.tensorflow_boxes),
-    Layout("EfficientDet of automl", FAMILIES["tf"], _efficientdet, decoders.efficientdet_rows),
+    Layout("RF-DETR", FAMILIES["rfdetr"], _rfdetr, named_decoders.logits_and_boxes, activation="sigmoid"),
+    Layout("DETR", FAMILIES["detr"], _detr, named_decoders.logits_and_boxes, activation="softmax"),
+    Layout("mmdeploy", FAMILIES["mmdeploy"], _mmdeploy, named_decoders.mmdeploy_boxes),
+    Layout("PP-YOLOE, PicoDet", FAMILIES["paddle"], _paddle, named_decoders.paddle_rows),
+    Layout("torchvision", FAMILIES["torchvision"], _torchvision, named_decoders.named_boxes),
+    Layout("TensorFlow zoo", FAMILIES["tf"], _tensorflow, named_decoders.tensorflow_boxes),
+    Layout("EfficientDet of automl", FAMILIES["tf"], _efficientdet, named_decoders.efficientdet_rows),
     Layout("YOLOv7 with suppression", FAMILIES["nms7"], _nms7, decoders.nms7_rows),
-    Layout("SSD of MLPerf", FAMILIES["ssd"], _ssd, decoders.named_boxes),
-    Layout("SSD of OpenVINO", CAFFE_SSD, _openvino, decoders.openvino_rows),
+    Layout("SSD of MLPerf", FAMILIES["ssd"], _ssd, named_decoders.named_boxes),
+    Layout("SSD of OpenVINO", CAFFE_SSD, _openvino, named_decoders.openvino_rows),
 )
 SAME_FAMILY: Final = {"dfine": "rtdetr"}
 """Values of model_format that are read alike."""
