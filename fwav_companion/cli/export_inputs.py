@@ -16,7 +16,7 @@ from fwav_companion.recording.folder import DETECTIONS, PICTURES, STAMPS, TARGET
 from fwav_companion.recording.lines import Line
 
 if TYPE_CHECKING:
-    from fwav_companion.recording.exports.viewer_messages import Message
+    from fwav_companion.recording.exports.viewer_scene import Message
 
 T = TypeVar("T")
 FORMATS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}

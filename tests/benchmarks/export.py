@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from fwav_companion.cli.export_inputs import RecordedFlight
 from fwav_companion.recording.exports.mcap_file import CHUNK_BYTES, write_mcap
-from fwav_companion.recording.exports.viewer_messages import Message
+from fwav_companion.recording.exports.viewer_scene import Message
 from fwav_companion.recording.exports.viewer_schemas import TOPICS, schema_text
 from sitl_mock import scenario
 from sitl_mock.recording import record

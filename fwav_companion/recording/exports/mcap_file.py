@@ -10,7 +10,7 @@ from typing import BinaryIO, Final
 
 import msgspec
 
-from fwav_companion.recording.exports.viewer_messages import Message
+from fwav_companion.recording.exports.viewer_scene import Message
 from fwav_companion.recording.exports.viewer_schemas import TOPICS, schema_text
 
 CHUNK_BYTES: Final = 1_048_576

@@ -5,32 +5,27 @@ The frame ``map`` is ENU about the origin, as viewers expect; ``vehicle`` and ``
 
 from __future__ import annotations
 
-from math import cos, radians, sin, sqrt
+from math import sqrt
 from typing import Any, Final
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.recording.exports.base import Ellipse95, ellipse95
+from fwav_companion.recording.exports.base import ellipse95
+from fwav_companion.recording.exports.viewer_scene import (
+    COLOURS,
+    Message,
+    Stamp,
+    deletion,
+    entity,
+    location,
+    stamp,
+    transform,
+)
 from fwav_companion.recording.lines import Line
 
-Message = tuple[str, int, dict[str, Any]]
-"""Topic, time in Unix nanoseconds, content."""
-Stamp = dict[str, int]
-"""An instant as viewers have it."""
-MAP, CAMERA = "map", "camera"
-UPRIGHT: Final = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-COLOURS: Final = {
-    "confirmed": {"r": 0.9, "g": 0.25, "b": 0.05, "a": 1.0},
-    "coasting": {"r": 0.85, "g": 0.65, "b": 0.0, "a": 1.0},
-    "tentative": {"r": 0.5, "g": 0.5, "b": 0.5, "a": 1.0},
-    "dropped": {"r": 0.3, "g": 0.3, "b": 0.3, "a": 1.0},
-}
+CAMERA = "camera"
 LOG_INFO, LOG_WARNING = 2, 3
 CLOCK_KEYS: Final = ("host_from_autopilot_s", "sigma_s", "bound_s", "round_trip_s", "status")
-KNOWN_COVARIANCE = 3
-THIN_M = 0.02
-"""Thickness of an ellipse's disc."""
-DISC_COLOURS: Final = {state: {**colour, "a": 0.4} for state, colour in COLOURS.items()}
 PIXEL_LOOP = 2
 """PointsAnnotation.LINE_LOOP."""
 
@@ -83,36 +78,32 @@ class ViewerMessages:
             "sigma_down": sqrt(max(0.0, cov[2][2])),
             "major95": ellipse.major_m,
         }
-        messages: list[Message] = [
-            ("/targets/scene", at_ns, _scene(at, line, place, ellipse)),
-            ("/targets/estimates", at_ns, estimate),
-        ]
+        name, state = f"track {line['track']}", line["state"]
+        if state == "dropped":
+            scene = {"deletions": [deletion(at, name)], "entities": []}
+        else:
+            text = f"{line['label'] or 'target'} {line['track']}"
+            scene = {"deletions": [], "entities": [entity(at, name, text, state, place, ellipse)]}
+        messages: list[Message] = [("/targets/scene", at_ns, scene), ("/targets/estimates", at_ns, estimate)]
         if line["lat"] is not None:
-            location = _location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
-            messages.append(("/targets/location", at_ns, location))
+            fix = location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
+            messages.append(("/targets/location", at_ns, fix))
         relative = line.get("relative")
         if relative is not None and at_ns != self._placed_ns:
             self._placed_ns = at_ns  # one pose a frame, by its first target
             north, east, down = place
             vehicle_ned = (north - relative["north"], east - relative["east"], down - relative["down"])
             messages += self._of_vehicle(at_ns, at, vehicle_ned)
-        if line["state"] == "dropped":
+        if state == "dropped":
             messages.append(self._log(at_ns, f"track {line['track']} dropped: {line.get('reason', '')}", LOG_INFO))
         return messages
 
     def _of_vehicle(self, at_ns: int, at: Stamp, vehicle_ned: Vector3) -> list[Message]:
-        transform = {
-            "timestamp": at,
-            "parent_frame_id": MAP,
-            "child_frame_id": "vehicle",
-            "translation": enu(vehicle_ned),
-            "rotation": UPRIGHT,
-        }
-        messages: list[Message] = [("/tf", at_ns, transform)]
+        messages: list[Message] = [("/tf", at_ns, transform(at, "vehicle", vehicle_ned))]
         if self._plane is not None:
             place = self._plane.geodetic_from_ned(vehicle_ned)
-            location = _location(at, place.lat_deg, place.lon_deg, place.alt_amsl_m, None)
-            messages.append(("/vehicle/location", at_ns, location))
+            fix = location(at, place.lat_deg, place.lon_deg, place.alt_amsl_m, None)
+            messages.append(("/vehicle/location", at_ns, fix))
         return messages
 
     def _of_calibration(self, line: Line) -> list[Message]:
@@ -186,68 +177,3 @@ def camera_calibration(at_ns: int, size: tuple[int, int], matrix: list[float], d
         "P": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     }
     return "/camera/calibration", at_ns, content
-
-
-def stamp(at_ns: int) -> Stamp:
-    """An instant as viewers have it."""
-    return {"sec": at_ns // 10**9, "nsec": at_ns % 10**9}
-
-
-def enu(ned: Vector3) -> dict[str, float]:
-    """A place in the frame ``map``."""
-    return {"x": ned[1], "y": ned[0], "z": -ned[2]}
-
-
-def _scene(at: Stamp, line: Line, place: Vector3, ellipse: Ellipse95) -> dict[str, Any]:
-    name, state = f"track {line['track']}", line["state"] if line["state"] in COLOURS else "tentative"
-    if state == "dropped":
-        return {"deletions": [{"timestamp": at, "type": 0, "id": name}], "entities": []}
-    pose, colour = {"position": enu(place), "orientation": UPRIGHT}, COLOURS[state]
-    entity = {
-        "timestamp": at,
-        "frame_id": MAP,
-        "id": name,
-        "lifetime": {"sec": 0, "nsec": 0},
-        "cylinders": [_disc(pose["position"], ellipse, DISC_COLOURS[state])],
-        "spheres": [{"pose": pose, "size": {"x": 0.3, "y": 0.3, "z": 0.3}, "color": colour}],
-        "texts": [
-            {
-                "pose": pose,
-                "billboard": True,
-                "font_size": 14.0,
-                "scale_invariant": True,
-                "color": colour,
-                "text": f"{line['label'] or 'target'} {line['track']}",
-            }
-        ],
-    }
-    return {"deletions": [], "entities": [entity]}
-
-
-def _disc(position: Any, ellipse: Ellipse95, colour: dict[str, float]) -> dict[str, Any]:
-    """The 95 % ellipse as a flat elliptic cylinder. Its x axis is the larger one; angles count from east to north."""
-    half = 0.5 * radians(90.0 - ellipse.bearing_deg)
-    return {
-        "pose": {"position": position, "orientation": {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}},
-        "size": {"x": 2.0 * ellipse.major_m, "y": 2.0 * ellipse.minor_m, "z": THIN_M},
-        "bottom_scale": 1.0,
-        "top_scale": 1.0,
-        "color": colour,
-    }
-
-
-def _location(at: Stamp, lat: float, lon: float, alt_amsl: float, cov: Any) -> dict[str, Any]:
-    """A place with its covariance in ENU; the altitude is above mean sea level, as the file's metadata says."""
-    flat = [0.0] * 9
-    if cov is not None:
-        (nn, ne, nd), (_, ee, ed), (_, _, dd) = cov
-        flat = [ee, ne, -ed, ne, nn, -nd, -ed, -nd, dd]
-    return {
-        "timestamp": at,
-        "frame_id": MAP,
-        "latitude": lat,
-        "longitude": lon,
-        "altitude": alt_amsl,
-        "position_covariance": flat,
-        "position_covariance_type": 0 if cov is None else KNOWN_COVARIANCE,
-    }
