@@ -16,6 +16,7 @@ EXTRAS = {
     "cryptography": "tak",
     "dask": "study",
     "distributed": "study",
+    "foxglove": "foxglove",
     "matplotlib": "demo",
     "mcap": "mcap",
     "onnxruntime": "onnx",

@@ -71,6 +71,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--cot-ca", metavar="FILE", help="authority of the server's certificate, PEM or .p12; default: the system's")
     add("--cot-server-name", metavar="NAME", help="name expected in the server's certificate; default: the host")
     add("--cot-package", metavar="FILE.zip", help="TAK data package in place of all of these")
+    add("--foxglove", metavar="HOST:PORT", help="serve the picture to Foxglove and Lichtblick, as 127.0.0.1:8765; who "
+        "can reach the port can read it")  # fmt: skip
     add("--status", metavar="FILE|URL", help="status of `run`: all its tracks, and what `check` says")
     add("--config", metavar="FILE", help="configuration of that `run`; for a URL, what `check` says needs it")
     add("--replay", metavar="T.jsonl", help="play a targets file, or a recording of --record")

@@ -53,6 +53,8 @@ def make_inputs(
         accepted = "--link URL, as --link udpin://0.0.0.0:14550, --fleet NAME, --status or --replay"
         raise UserError(f"ground: no input; accepted: {accepted}")
     inputs += _map_outputs(arguments, picture)
+    if arguments.foxglove is not None:
+        inputs.append(_viewer_output(arguments.foxglove, picture))
     if arguments.record is not None:
         from fwav_companion.ground.picture_recorder import PictureRecorder
 
@@ -89,6 +91,17 @@ def _map_outputs(arguments: argparse.Namespace, picture: GroundPicture) -> list[
     return [MapOutput(MapServer(url=url, **files), picture, utc_ns, board_name()) for url in urls]
 
 
+def _viewer_output(address: str, picture: GroundPicture) -> PictureInput:
+    """The server for Foxglove and Lichtblick."""
+    require("--foxglove", "foxglove")
+    from fwav_companion.ground.viewer_output import ViewerOutput
+
+    host, separator, port = address.rpartition(":")
+    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise UserError(f"--foxglove {address}: accepted: HOST:PORT, as 127.0.0.1:8765")
+    return ViewerOutput(host.strip("[]"), int(port), picture)
+
+
 def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> PictureInput:
     require("--fleet", "zenoh", "numpy")
     from fwav_companion.fleet.bus import BusPlace
@@ -109,7 +122,11 @@ def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callabl
 def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[list[PictureInput], Callable[[], float]]:
     from fwav_companion.ground.replay_reader import ReplayReader
 
-    others = [name for name in ("link", "status", "record", "fleet", "cot", "cot_package") if getattr(arguments, name)]
+    others = [
+        name
+        for name in ("link", "status", "record", "fleet", "cot", "cot_package", "foxglove")
+        if getattr(arguments, name)
+    ]
     if others:
         raise UserError(f"--replay with --{others[0]}: accepted: --replay alone, its time is another")
     if not SPEEDS[0] <= arguments.speed <= SPEEDS[1]:
