@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import secrets
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.http_address import http_address
 from fwav_companion.errors import UserError
 from fwav_companion.libraries import require
 
@@ -108,23 +108,18 @@ def run(arguments: argparse.Namespace) -> int:
     async def serve() -> None:
         stop = asyncio.Event()
         end_by(asyncio.get_running_loop(), stop.set)
-        await process.run(stop, lambda: print(f"ground picture: {options.address}", flush=True))
+        await process.run(stop, lambda: print(f"ground picture: {options.shown}", flush=True))
 
     asyncio.run(serve())
     return 0
 
 
 def _options(arguments: argparse.Namespace) -> GroundOptions:
-    from fwav_companion.ground.access import is_loopback
     from fwav_companion.ground.ground_process import GroundOptions
 
-    host, separator, port = arguments.http.rpartition(":")
-    host = host.strip("[]")
-    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise UserError(f"--http {arguments.http}: accepted: HOST:PORT, as {HTTP} or 0.0.0.0:8080")
+    address = http_address(arguments.http)
     if not RATES_HZ[0] <= arguments.rate <= RATES_HZ[1]:
         raise UserError(f"--rate {arguments.rate:g}: accepted: {RATES_HZ[0]:g} to {RATES_HZ[1]:g}")
     if arguments.hfov is not None and not 1.0 <= arguments.hfov <= 180.0:
         raise UserError(f"--hfov {arguments.hfov:g}: accepted: 1 to 180, degrees")
-    token = "" if is_loopback(host) else secrets.token_urlsafe(16)
-    return GroundOptions(host=host, port=int(port), token=token, rate_hz=arguments.rate)
+    return GroundOptions(host=address.host, port=address.port, token=address.token, rate_hz=arguments.rate)

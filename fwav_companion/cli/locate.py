@@ -36,7 +36,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         epilog=(
             "examples:\n"
             "  fwav-companion locate DJI_0042.JPG --pixel 1912,1034\n"
-            "  fwav-companion locate A.JPG B.JPG --pixel 1912,1034 --pixel 310,2200 --terrain N47E011.hgt --out x.kml"
+            "  fwav-companion locate A.JPG B.JPG --pixel 1912,1034 --pixel 310,2200 --terrain N47E011.hgt --out x.kml\n"
+            "  fwav-companion locate PICTURES/ --http 127.0.0.1:8090"
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -60,6 +61,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--takeoff", metavar="LAT,LON", help="place of the take-off; its altitude is that of --terrain there")
     add("--takeoff-alt", metavar="M", type=float, help="altitude of the take-off above sea level")
     add("--alt-datum", choices=("egm96", "ellipsoid", "takeoff"), help="what the pictures' altitudes count from")
+    add("--http", metavar="HOST:PORT", help="serve a page to click in the pictures beside a map, as 127.0.0.1:8090")
+    add("--tiles", metavar="FILE.mbtiles", help="map tiles for --http; without them there is a grid with a scale")
     add("--out", metavar="FILE", type=Path, help="also write the places: .kml, .geojson or .csv")
     add("--json", action="store_true", help="end with the answer as one JSON object")
     parser.set_defaults(run=run)
@@ -76,13 +79,17 @@ def _located(arguments: argparse.Namespace) -> int:
     from fwav_companion.tools.locate.photographs import read_photographs
     from fwav_companion.tools.locate.session import LocateSession, NoAnswer
 
-    if _is_video(arguments.pictures):
+    if arguments.http is not None:
+        from fwav_companion.cli.locate_page import serve_page
+
+        return serve_page(arguments, _camera_options(arguments), _ground_options(arguments))
+    if is_video(arguments.pictures):
         photographs, clicks = _frames(arguments)
     elif arguments.detect:
-        photographs = read_photographs(_pictures(arguments.pictures), _camera_options(arguments))
+        photographs = read_photographs(pictures(arguments.pictures), _camera_options(arguments))
         clicks = _detections(arguments, photographs)
     else:
-        paths = _pictures(arguments.pictures)
+        paths = pictures(arguments.pictures)
         clicks = _clicks(arguments, [path.name for path in paths])
         wanted = {click.file for click in clicks}
         paths = [path for path in paths if path.name in wanted] or paths
@@ -124,7 +131,8 @@ def _print(answers: PlaceAnswers) -> None:
         print(f"WARNING: {answers.contradiction}; the ellipse is widened")
 
 
-def _is_video(given: Sequence[Path]) -> bool:
+def is_video(given: Sequence[Path]) -> bool:
+    """Whether one video is given in place of pictures."""
     from fwav_companion.tools.locate.videos import VIDEO_SUFFIXES
 
     return len(given) == 1 and given[0].suffix.lower() in VIDEO_SUFFIXES
@@ -147,7 +155,8 @@ def _frames(arguments: argparse.Namespace) -> tuple[list[Photograph], list[Pictu
     return video_photographs(video, times, _camera_options(arguments)), clicks
 
 
-def _pictures(given: Sequence[Path]) -> list[Path]:
+def pictures(given: Sequence[Path]) -> list[Path]:
+    """The pictures, also those of folders. InputFileError for what does not exist."""
     from fwav_companion.photographs.files import SUFFIXES
 
     found: list[Path] = []

@@ -33,22 +33,34 @@ class PictureInput(Protocol):
         """Release the input."""
 
 
-class GroundOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Options of the page from the command line."""
+class PageAddress(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a page is served."""
 
     host: str
     port: int
     token: str
     """"" on loopback."""
-    rate_hz: float
-    title: str = "ground picture"
 
     @property
-    def address(self) -> str:
+    def shown(self) -> str:
         """The address to open in a browser."""
         name = socket.gethostname() if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104
         shown = f"[{name}]" if ":" in name else name
         return f"http://{shown}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+
+
+class GroundOptions(PageAddress, frozen=True, kw_only=True):
+    """Options of the ground picture from the command line."""
+
+    rate_hz: float
+    title: str = "ground picture"
+
+
+def access_rules(address: PageAddress) -> AccessRules:
+    """The access rules of a page; beyond loopback it is also served under this machine's names."""
+    name = socket.gethostname().lower()
+    names = ("localhost", name, f"{name}.local") if address.token else ()
+    return AccessRules(host=address.host, port=address.port, token=address.token, names=names)
 
 
 class GroundClock:
@@ -77,15 +89,9 @@ class GroundProcess:
     ) -> None:
         """``clock``: time of the picture: that of this process, or of the replayed recording."""
         self._picture, self._inputs, self._clock, self._tiles = picture, inputs, clock, tiles
-        name = socket.gethostname().lower()
         self._server = PageServer(
             picture,
-            AccessRules(
-                host=options.host,
-                port=options.port,
-                token=options.token,
-                names=() if not options.token else ("localhost", name, f"{name}.local"),
-            ),
+            access_rules(options),
             PageSettings(
                 version=__version__,
                 title=options.title,

@@ -14,7 +14,7 @@ from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.tools.locate.shots import Place, SharedError, SightsEstimate
+from fwav_companion.tools.locate.shots import PixelPrediction, Place, SharedError, SightsEstimate
 from fwav_companion.tools.locate.world import PictureWorld
 
 SHARE: Final = 0.95
@@ -43,6 +43,16 @@ class Sighted(msgspec.Struct, frozen=True, kw_only=True):
     v: float | None
     sigmas: float
     """Distance of the click from it over its expected error."""
+
+
+class ExpectedPixel(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a target should be in a picture without a click of it, as viewers turn the picture."""
+
+    file: str
+    u: float
+    v: float
+    outline: list[tuple[float, float]]
+    """Pixels (u, v) of the 95 % ellipse."""
 
 
 class PlaceAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,6 +86,8 @@ class PlaceAnswer(msgspec.Struct, frozen=True, kw_only=True):
     outline: list[tuple[float, float]]
     """(latitude, longitude) of the 95 % ellipse."""
     pictures: list[Sighted]
+    expected: list[ExpectedPixel] = []
+    """In the other pictures, where asked for."""
 
 
 class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
@@ -182,6 +194,15 @@ def _answer(place: Place, world: PictureWorld, geoid: Geoid) -> PlaceAnswer:
             )
             for each in place.residuals
         ],
+        expected=[
+            ExpectedPixel(
+                file=world.shots[each.shot].name,
+                u=each.pixel[0],
+                v=each.pixel[1],
+                outline=_pixel_outline(each),
+            )
+            for each in place.predictions
+        ],
     )
 
 
@@ -191,6 +212,11 @@ def _outline(place: Place, plane: TangentPlane) -> list[tuple[float, float]]:
         corner = plane.geodetic_from_ned((north, east, place.ned[2]))
         corners.append((corner.lat_deg, corner.lon_deg))
     return corners
+
+
+def _pixel_outline(prediction: PixelPrediction) -> list[tuple[float, float]]:
+    (uu, uv), (_, vv) = prediction.cov
+    return ellipse_outline(*prediction.pixel, ((uu, uv, 0.0), (uv, vv, 0.0), (0.0, 0.0, 0.0)), SHARE)
 
 
 def _unit(error: SharedError) -> str:

@@ -9,7 +9,7 @@ The ground is one more measurement of each target: its height above the surface 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import hypot, sqrt
 from typing import Any, Final
 
@@ -20,6 +20,7 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tools.locate.shots import (
     SHARED_COUNT,
     Budget,
+    PixelPrediction,
     Place,
     Residual,
     SharedError,
@@ -28,7 +29,7 @@ from fwav_companion.tools.locate.shots import (
     Sight,
     SightsEstimate,
 )
-from fwav_companion.tools.locate.sight_rows import Array, Rows, SightCamera
+from fwav_companion.tools.locate.sight_rows import Array, Rows, SightCamera, across_by_pixel
 from fwav_companion.tools.locate.surfaces import Surface
 from fwav_companion.types import NoRay, Ray
 
@@ -56,10 +57,13 @@ def locate(
     sights: Sequence[Sight],
     surface: Surface,
     shared_sigmas: Sequence[Sequence[float]],
+    *,
+    predicted: bool = False,
 ) -> SightsEstimate | SightError:
     """The places of all targets, in the order of their first sights.
 
-    ``shared_sigmas``: for each group one sigma of each :class:`SharedError`.
+    ``shared_sigmas``: for each group one sigma of each :class:`SharedError`. ``predicted``: also where each target
+    should be in the pictures that have no sight of it.
     """
     labels = list(dict.fromkeys(sight.label for sight in sights))
     starts = _starts(shots, sights, surface, shared_sigmas, labels)
@@ -67,7 +71,7 @@ def locate(
         return starts
     problem = _Problem(shots, sights, surface, shared_sigmas, labels)
     problem.solve(starts)
-    return problem.result()
+    return problem.result(shots if predicted else ())
 
 
 def _starts(
@@ -185,8 +189,8 @@ class _Problem:
         down = float(self.state[self._target(index)][2])
         return min(down - float(c.centre[2]) for c in self.cameras if index in c.targets)
 
-    def result(self) -> SightsEstimate:
-        """The places, with the contradiction and its factor on all sigmas."""
+    def result(self, shots: Sequence[Shot] = ()) -> SightsEstimate:
+        """The places, with the contradiction and its factor on all sigmas. ``shots``: those to predict pixels in."""
         freedom = 2 * len(self.sights) - 2 * len(self.labels)
         scaled, contradiction = 1.0, ""
         rows = {id(camera): camera.rows(self.state, self.places) for camera in self.cameras}
@@ -197,7 +201,12 @@ class _Problem:
                 f"the pictures contradict one another beyond their claimed errors (by {scaled:.1f} times); "
                 f"{worst.shot.name} agrees least"
             )
-        places = tuple(self._place(index, rows, scaled) for index in range(len(self.labels)))
+        places = tuple(
+            msgspec.structs.replace(
+                self._place(index, rows, scaled), predictions=tuple(self._predictions(index, shots, scaled))
+            )
+            for index in range(len(self.labels))
+        )
         return SightsEstimate(places, self._shared_estimates(), contradiction, scaled)
 
     def _place(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Place:
@@ -220,6 +229,24 @@ class _Problem:
             tuple(residuals),
             self._height(index),
         )
+
+    def _predictions(self, index: int, shots: Sequence[Shot], scaled: float) -> Iterator[PixelPrediction]:
+        """A sight without noise at the predicted pixel has the covariance of the prediction: its rows are 0 there."""
+        seen = {sight.shot for sight in self.sights if sight.label == self.labels[index]}
+        for number, shot in enumerate(shots):
+            if number in seen:
+                continue
+            pixel = self._pixel(SightCamera(shot, (), (), ()), index)
+            ray = None if pixel is None else shot.lens.camera_ray_and_derivatives_from_pixel(*pixel)
+            if pixel is None or not isinstance(ray, Ray):
+                continue
+            sight = Sight(number, pixel, self.labels[index], 0.0)
+            _, jacobian, own, _ = SightCamera(shot, (sight,), (ray,), (index,)).rows(self.state, self.places)
+            across = jacobian @ self.cov @ jacobian.T + own  # (2, 2)
+            inverse = np.linalg.inv(across_by_pixel(ray))
+            cov = scaled**2 * inverse @ across @ inverse.T
+            (a, b), (_, d) = cov.tolist()
+            yield PixelPrediction(number, pixel, ((a, b), (b, d)))
 
     def _pixel(self, camera: SightCamera, index: int) -> tuple[float, float] | None:
         centre, rotation = camera.corrected(self.state)

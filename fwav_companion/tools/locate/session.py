@@ -22,6 +22,7 @@ from fwav_companion.tools.locate.heights import VerticalOptions, vertical_scale
 from fwav_companion.tools.locate.photographs import Photograph
 from fwav_companion.tools.locate.shots import Sight
 from fwav_companion.tools.locate.world import Configured, PictureWorld, PosedPicture, make_world
+from fwav_companion.types import Pixel
 
 CLICK_SIGMA_PX = 2.0
 """One sigma of a click on the same point of a thing, each axis, pixels."""
@@ -92,8 +93,13 @@ class LocateSession:
         notes += [note for photograph in photographs for note in photograph.notes]
         self.assumed = list(dict.fromkeys([*notes, *scale.notes]))
 
-    def located(self, clicks: Sequence[PictureClick], sigma_px: float = CLICK_SIGMA_PX) -> PlaceAnswers | NoAnswer:
-        """The places of all labels. InputFileError for a click in no picture, or outside of its picture."""
+    def located(
+        self, clicks: Sequence[PictureClick], sigma_px: float = CLICK_SIGMA_PX, *, expected: bool = False
+    ) -> PlaceAnswers | NoAnswer:
+        """The places of all labels. InputFileError for a click in no picture, or outside of its picture.
+
+        ``expected``: also where each target should be in the pictures without a click of it.
+        """
         sights = []
         for click in clicks:
             index = self._index.get(click.file)
@@ -104,7 +110,7 @@ class LocateSession:
             photograph = self.photographs[index]
             require_inside(click, photograph.viewed_size)
             sights.append(Sight(index, photograph.stored_pixel(click.pixel), click.label, sigma_px))
-        estimate = locate(self.world.shots, sights, self.world.surface, self.world.shared_sigmas)
+        estimate = locate(self.world.shots, sights, self.world.surface, self.world.shared_sigmas, predicted=expected)
         if isinstance(estimate, SightError):
             photograph = self.photographs[estimate.sight.shot]
             pixel = photograph.viewed_pixel(estimate.sight.pixel)
@@ -113,14 +119,27 @@ class LocateSession:
         return msgspec.structs.replace(answers, targets=[self._viewed(answer) for answer in answers.targets])
 
     def _viewed(self, answer: PlaceAnswer) -> PlaceAnswer:
-        pictures = []
-        for each in answer.pictures:
-            if each.u is not None and each.v is not None:
-                u, v = self.photographs[self._index[each.file]].viewed_pixel((each.u, each.v))
-                pictures.append(msgspec.structs.replace(each, u=u, v=v))
-            else:
-                pictures.append(each)
-        return msgspec.structs.replace(answer, pictures=pictures)
+        pictures = [
+            each
+            if each.u is None or each.v is None
+            else msgspec.structs.replace(each, **self._turned(each.file, [(each.u, each.v)])[0])
+            for each in answer.pictures
+        ]
+        expected = []
+        for other in answer.expected:
+            width, height = self._photograph(other.file).viewed_size
+            place, *outline = self._turned(other.file, [(other.u, other.v), *other.outline])
+            if -0.5 <= place["u"] <= width - 0.5 and -0.5 <= place["v"] <= height - 0.5:
+                corners = [(corner["u"], corner["v"]) for corner in outline]
+                expected.append(msgspec.structs.replace(other, **place, outline=corners))
+        return msgspec.structs.replace(answer, pictures=pictures, expected=expected)
+
+    def _photograph(self, file: str) -> Photograph:
+        return self.photographs[self._index[file]]
+
+    def _turned(self, file: str, pixels: Sequence[Pixel]) -> list[dict[str, float]]:
+        viewed = map(self._photograph(file).viewed_pixel, pixels)
+        return [{"u": u, "v": v} for u, v in viewed]
 
 
 def _with_takeoff(

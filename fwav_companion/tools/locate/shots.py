@@ -91,6 +91,15 @@ class Residual(msgspec.Struct, frozen=True):
     """Distance of the click from it over its expected error."""
 
 
+class PixelPrediction(msgspec.Struct, frozen=True):
+    """Where a target should be in a picture that has no sight of it."""
+
+    shot: int
+    pixel: Pixel
+    cov: tuple[tuple[float, float], tuple[float, float]]
+    """Covariance of the pixel (u, v), by the place's, the shared and this picture's own errors, px^2."""
+
+
 class Place(msgspec.Struct, frozen=True):
     """The estimate of one target."""
 
@@ -102,6 +111,8 @@ class Place(msgspec.Struct, frozen=True):
     residuals: tuple[Residual, ...]
     height_above_target_m: float
     """Of the lowest camera."""
+    predictions: tuple[PixelPrediction, ...] = ()
+    """In all other pictures that show it; empty where they were not asked for."""
 
 
 class SharedEstimate(msgspec.Struct, frozen=True):

@@ -37,7 +37,7 @@ class SightCamera:
         u0, v0 = (0.0, 0.0) if isinstance(axis, NoRay) else axis
         for sight, ray in zip(sights, rays, strict=True):
             across = _across(ray.direction)  # T, (2, 3)
-            by_pixel = across @ np.array([ray.d_du, ray.d_dv]).T  # (2, 2)
+            by_pixel = across_by_pixel(ray)
             self.across.append(across)
             self.noise.append(by_pixel @ by_pixel.T * sight.sigma_px**2)
             self.by_focal.append(by_pixel @ np.array([sight.pixel[0] - u0, sight.pixel[1] - v0]))
@@ -73,6 +73,11 @@ class SightCamera:
             by_own[rows, :3], by_own[rows, 3:] = by_place * np.array([1.0, 1.0, -1.0]), by_turn
             covariance[rows, rows] = noise
         return e, jacobian, covariance + by_own * self.own @ by_own.T, by_own
+
+
+def across_by_pixel(ray: Ray) -> Array:
+    """How the residual of a ray moves with its pixel: d e / d (u, v), (2, 2)."""
+    return np.asarray(_across(ray.direction) @ np.array([ray.d_du, ray.d_dv]).T)
 
 
 def _across(direction: Vector3) -> Array:

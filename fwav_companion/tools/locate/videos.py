@@ -32,6 +32,11 @@ def video_photographs(path: Path, times_s: Sequence[float], options: CameraOptio
     return [_photograph(path, at_s, size, length_s, rows, options) for at_s in times_s]
 
 
+def video_length_s(path: Path) -> float:
+    """The length of a video, seconds. InputFileError where it is none."""
+    return _size_and_length(path)[1]
+
+
 def frame_name(path: Path, at_s: float) -> str:
     """Name of a frame of a video."""
     return f"{path.name}@{at_s:.3f}"
