@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Sequence
 
+    from fwav_companion.photographs.picture_pose import NoPose, PicturePose
     from fwav_companion.tools.locate.answers import PlaceAnswers
     from fwav_companion.tools.locate.clicks import PictureClick
     from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
@@ -56,6 +57,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
     add("--hfov", metavar="DEG", type=float, help="horizontal field of view, where the tags have no lens")
     add("--angles", metavar="ROLL,PITCH,YAW", help="of the camera, degrees, where the tags have none; -90 looks down")
+    add("--poses", metavar="FILE", type=Path, help="poses in place of the tags': of OpenDroneMap, Pix4D or Metashape")
+    add("--poses-crs", metavar="CRS", help="coordinate system of --poses where it names none, as EPSG:32632")
     add("--terrain", metavar="FILE", nargs="+", type=Path, default=[], help="elevation files: .hgt, GeoTIFF")
     add("--ground-alt", metavar="M", type=float, help="flat ground at this altitude above sea level")
     add("--takeoff", metavar="LAT,LON", help="place of the take-off; its altitude is that of --terrain there")
@@ -218,10 +221,23 @@ def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
         None if arguments.angles is None else _numbers("--angles", arguments.angles, ("ROLL", "PITCH", "YAW"), 360.0)
     )
     return CameraOptions(
+        table=_poses(arguments),
         calibration=calibration,
         hfov_deg=arguments.hfov,
         angles_deg=None if angles is None else (angles[0], angles[1], angles[2]),
     )
+
+
+def _poses(arguments: argparse.Namespace) -> dict[str, PicturePose | NoPose] | None:
+    from fwav_companion.photographs.pose_tables import parse_pose_table
+    from fwav_companion.photographs.table_crs import required_crs
+    from fwav_companion.photographs.table_poses import poses_of_table
+
+    crs = None if arguments.poses_crs is None else required_crs(arguments.poses_crs)
+    if arguments.poses is None:
+        return None
+    name = str(arguments.poses)
+    return poses_of_table(parse_pose_table(_text(arguments.poses), name), name, crs)
 
 
 def _ground_options(arguments: argparse.Namespace) -> LocateOptions:

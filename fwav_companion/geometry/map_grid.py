@@ -25,6 +25,10 @@ BANDS: Final = "CDEFGHJKLMNPQRSTUVWX"
 COLUMNS: Final = ("ABCDEFGH", "JKLMNPQR", "STUVWXYZ")
 ROWS: Final = ("ABCDEFGHJKLMNPQRSTUV", "FGHJKLMNPQRSTUVABCDE")
 SQUARE_M: Final = 100_000
+MOST_STEPS: Final = 20
+NEAR_M: Final = 1e-6
+STEP_DEG: Final = 1e-5
+"""Step of the numerical derivatives of the inverse projection."""
 
 
 class Utm(msgspec.Struct, frozen=True):
@@ -86,3 +90,25 @@ def _zone(lat_deg: float, lon_deg: float) -> int:
     if lat_deg >= 72.0 and 0.0 <= lon_deg < 42.0:
         return 31 + 2 * int((lon_deg + 3.0) // 12.0)
     return zone
+
+
+def degrees_from_transverse_mercator(east_m: float, north_m: float, meridian_deg: float) -> tuple[float, float]:
+    """Latitude and longitude of (east of the meridian, north of the equator): Newton's method, to a micrometre.
+
+    ValueError beyond the projection's zone, where it does not converge.
+    """
+    lat_deg = degrees(north_m / (SCALE * RECTIFYING_M))
+    lon_deg = meridian_deg + degrees(east_m / (SCALE * SEMI_MAJOR_M * max(0.05, cos(radians(lat_deg)))))
+    for _ in range(MOST_STEPS):
+        if not (abs(lat_deg) < 89.0 and abs(lon_deg - meridian_deg) < 30.0):
+            break
+        x, y = transverse_mercator(lat_deg, lon_deg, meridian_deg)
+        if hypot(east_m - x, north_m - y) < NEAR_M:
+            return lat_deg, lon_deg
+        x_lat, y_lat = transverse_mercator(lat_deg + STEP_DEG, lon_deg, meridian_deg)
+        x_lon, y_lon = transverse_mercator(lat_deg, lon_deg + STEP_DEG, meridian_deg)
+        a, b, c, d = (x_lat - x, x_lon - x, y_lat - y, y_lon - y)
+        determinant = a * d - b * c
+        lat_deg += STEP_DEG * (d * (east_m - x) - b * (north_m - y)) / determinant
+        lon_deg += STEP_DEG * (a * (north_m - y) - c * (east_m - x)) / determinant
+    raise ValueError("not a place of the projection")

@@ -19,6 +19,8 @@ CONSUMER: Final = PoseSigmas(position_m=Sigma(1.0, 2.0), attitude_deg=Sigma(0.3,
 """Consumer GNSS: 1 m of each picture, 2 m of all; a compass that was calibrated."""
 STEADY: Final = PoseSigmas(position_m=Sigma(1.0, 2.0), attitude_deg=Sigma(0.3, 0.5), heading_deg=1.5)
 """Parrot and Skydio: consumer GNSS, heading by vision."""
+ADJUSTED: Final = PoseSigmas(position_m=Sigma(0.1, 2.0), attitude_deg=Sigma(0.05, 0.2), heading_deg=0.5)
+"""Bundle adjustment without ground control: pictures agree with one another, the whole is where their GNSS was."""
 ROUGH: Final = PoseSigmas(position_m=Sigma(1.0, 3.0), attitude_deg=Sigma(0.5, 1.0), heading_deg=3.0)
 SURVEY_HEADING_DEG: Final = 1.0
 """Heading of a vehicle with RTK in motion, degrees."""

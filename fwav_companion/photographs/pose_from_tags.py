@@ -99,7 +99,7 @@ def _angles(tags: PictureTags, layout: MakerLayout) -> tuple[float, float, float
     if layout.pitch_zero is PitchZero.NADIR_GIMBAL:
         pitch -= 90.0
     elif layout.pitch_zero is PitchZero.NADIR_BODY:
-        return (*_gimbal_angles(roll, pitch, yaw), ())
+        return (*gimbal_angles_from_nadir_body(roll, pitch, yaw), ())
     if abs(_signed(roll)) > 90.0:
         return (
             roll - HALF_TURN_DEG,
@@ -110,7 +110,7 @@ def _angles(tags: PictureTags, layout: MakerLayout) -> tuple[float, float, float
     return roll, pitch, yaw, ()
 
 
-def _gimbal_angles(roll: float, pitch: float, yaw: float) -> tuple[float, float, float]:
+def gimbal_angles_from_nadir_body(roll: float, pitch: float, yaw: float) -> tuple[float, float, float]:
     """Gimbal angles, degrees, of a camera that looks down in a body with these angles."""
     ned_from_body = matrix_from_quaternion(quaternion_from_euler(radians(roll), radians(pitch), radians(yaw)))
     angles = euler_from_matrix(multiply(ned_from_body, BODY_FROM_NADIR_GIMBAL))

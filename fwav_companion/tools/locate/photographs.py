@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import radians, tan
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from fwav_companion.photographs.files import read_tags, with_stated_size
 from fwav_companion.photographs.lens_from_tags import lens_from_field_of_view, lens_from_tags
 from fwav_companion.photographs.picture_pose import NoLens, NoPose, PictureLens, PicturePose
 from fwav_companion.photographs.pose_from_tags import pose_from_tags
+from fwav_companion.photographs.table_poses import with_pose_of_table
 from fwav_companion.photographs.tags import PictureTags
 from fwav_companion.types import Lens, Pixel
 
@@ -31,6 +32,8 @@ class CameraOptions(msgspec.Struct, frozen=True, kw_only=True):
     hfov_deg: float | None = None
     angles_deg: tuple[float, float, float] | None = None
     """Roll, pitch and yaw of the camera, for pictures without; [camera.mount]'s rule."""
+    table: Mapping[str, PicturePose | NoPose] | None = None
+    """Poses by the pictures' names, in place of those of the tags."""
 
 
 class Photograph(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,7 +75,10 @@ def read_photographs(paths: Sequence[Path], options: CameraOptions, *, as_stated
 def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:
     tags = read_tags(path)
     tags = with_stated_size(tags) if as_stated else tags
-    pose = _pose(path, pose_from_tags(tags), options)
+    found = pose_from_tags(tags)
+    if options.table is not None:
+        found = with_pose_of_table(found, path.name, options.table)
+    pose = _pose(path, found, options)
     lens, focal_sigma, notes = _lens(path, tags, options)
     turned = orientation(tags)
     if turned != 1:
