@@ -15,6 +15,7 @@ from typing import Final
 import msgspec
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.photographs.picture_pose import AltDatum
 
 CUE: Final = re.compile(r"(\d{1,3}):(\d{2}):(\d{2})[,.](\d{1,3})\s*-->\s*(\d{1,3}):(\d{2}):(\d{2})[,.](\d{1,3})")
 NUMBER: Final = r"[-+]?\d+(?:\.\d+)?"
@@ -39,7 +40,8 @@ class SubtitleRow(msgspec.Struct, frozen=True, kw_only=True):
     lon_deg: float | None = None
     above_takeoff_m: float | None = None
     absolute_m: float | None = None
-    """Altitude whose datum the layout does not state."""
+    absolute_datum: AltDatum | None = None
+    """Datum of the absolute altitude; None: the layout does not state it."""
     angles_deg: tuple[float, float, float] | None = None
     """Roll, pitch and yaw of the gimbal; pitch 0 is the horizon."""
     focal_35mm: float | None = None

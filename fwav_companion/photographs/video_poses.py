@@ -17,7 +17,7 @@ from fwav_companion.geometry.rotations import (
     quaternion_from_euler,
 )
 from fwav_companion.geometry.vectors import norm, scale
-from fwav_companion.photographs.makers import BAROMETER, CONSUMER, UNRELIABLE
+from fwav_companion.photographs.makers import BAROMETER, CONSUMER, GNSS_HEIGHT, UNRELIABLE
 from fwav_companion.photographs.picture_pose import AltDatum, Altitude, NoPose, PicturePose, PoseSigmas, Sigma
 from fwav_companion.photographs.srt import SubtitleRow
 
@@ -66,14 +66,19 @@ def pose_at(
         roll_deg=given[0],
         pitch_deg=given[1],
         yaw_deg=given[2],
-        absolute=None
-        if absolute is None
-        else Altitude(absolute, AltDatum.EGM96, UNRELIABLE, "the datum of the video's altitude is not stated"),
+        absolute=None if absolute is None else _absolute(absolute, before.absolute_datum),
         above_takeoff=None if above is None else Altitude(above, AltDatum.TAKEOFF, BAROMETER),
         sigmas=sigmas,
         layout="video telemetry",
         notes=(f"telemetry's time within {time_sigma_s:g} s",),
     )
+
+
+def _absolute(metres: float, datum: AltDatum | None) -> Altitude:
+    """A stated datum is that of a sensor with GNSS; else it is a consumer drone's."""
+    if datum is None:
+        return Altitude(metres, AltDatum.EGM96, UNRELIABLE, "the datum of the video's altitude is not stated")
+    return Altitude(metres, datum, GNSS_HEIGHT)
 
 
 def _attitude(row: SubtitleRow) -> Quaternion:

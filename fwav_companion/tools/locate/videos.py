@@ -8,16 +8,20 @@ from math import radians, tan
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from fwav_companion.camera import BrownConrady
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
 from fwav_companion.photographs.airdata import parse_airdata
+from fwav_companion.photographs.klv import centre_notes
+from fwav_companion.photographs.klv_stream import klv_rows
 from fwav_companion.photographs.picture_pose import NoPose
 from fwav_companion.photographs.srt import SubtitleRow, parse_srt
 from fwav_companion.photographs.video_poses import pose_at
 from fwav_companion.tools.locate.photographs import GIVEN_FIELD_SIGMA, CameraOptions, Photograph
 
-VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".ts")
+VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".ts", ".mpg", ".mpeg", ".m2ts")
 VIDEO_FOCAL_SIGMA = 0.07
 """One sigma of the subtitle's focal length times zoom: video modes crop the sensor."""
 FILM_WIDTH_MM = 36.0
@@ -28,8 +32,9 @@ OTHER_VIDEO_S = 2.0
 def video_photographs(path: Path, times_s: Sequence[float], options: CameraOptions) -> list[Photograph]:
     """One photograph for each time of the video, named ``VIDEO@SECONDS``. InputFileError says what is missing."""
     size, length_s = _size_and_length(path)
-    rows = _telemetry(path, length_s)
-    return [_photograph(path, at_s, size, length_s, rows, options) for at_s in times_s]
+    rows, notes = _telemetry(path, length_s)
+    found = [_photograph(path, at_s, size, length_s, rows, options) for at_s in times_s]
+    return [msgspec.structs.replace(each, notes=(*each.notes, *notes)) for each in found]
 
 
 def video_length_s(path: Path) -> float:
@@ -68,11 +73,14 @@ def _size_and_length(path: Path) -> tuple[tuple[int, int], float]:
     return size, frames / rate
 
 
-def _telemetry(path: Path, length_s: float) -> list[SubtitleRow]:
-    """The rows of the .SRT, or of Airdata's .csv, beside the video."""
+def _telemetry(path: Path, length_s: float) -> tuple[list[SubtitleRow], tuple[str, ...]]:
+    """The rows of the .SRT or .csv beside the video, or of the KLV in it, and notes."""
     suffixes = (".SRT", ".srt", ".csv", ".CSV")
     beside = [each for suffix in suffixes if (each := path.with_suffix(suffix)).is_file()]
     if not beside:
+        rows, states = klv_rows(path)
+        if rows:
+            return rows, centre_notes(states)
         raise InputFileError(
             f"{path}: no {path.stem}.SRT or .csv of Airdata beside it; embedded tracks are not read: "
             "exiftool -ee gives DJI's as text"
@@ -83,7 +91,7 @@ def _telemetry(path: Path, length_s: float) -> list[SubtitleRow]:
         raise InputFileError(
             f"{beside[0]}: it ends at {rows[-1].until_s:.1f} s, the video at {length_s:.1f} s: another video's"
         )
-    return rows
+    return rows, ()
 
 
 def _photograph(
