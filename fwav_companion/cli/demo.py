@@ -62,6 +62,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         action="store_true",
         help="a flight in simulated time on which an operator clicks on a place in the picture, which is then followed",
     )
+    add(
+        "--photographs",
+        action="store_true",
+        help="no flight: a drone's photographs with poses in their tags, in which the tags are located",
+    )
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
@@ -70,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the demonstration; exit status 0: every target found, within its claimed 99.9 % radius; 1: otherwise."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
+    if arguments.photographs:
+        return _locate_photographs(arguments)
     if arguments.click and arguments.fleet:
         raise UserError("--click and --fleet are two demonstrations: accepted: one of them")
     if arguments.fleet:
@@ -94,6 +101,28 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(result.as_json()))
     return 1 if result.troubles else 0
+
+
+def _locate_photographs(arguments: argparse.Namespace) -> int:
+    """Locate tags in photographs; exit status 0: every tag found, within its claimed 99.9 %; 1: otherwise."""
+    if arguments.click or arguments.fleet:
+        raise UserError("--photographs, --click and --fleet are three demonstrations: accepted: one of them")
+    require("demo --photographs", "numpy", "cv2", "PIL", "sitl_mock")
+    from fwav_companion.tools.photograph_demo.photograph_demonstration import draw_photographs, locate_photographs
+
+    out = Path(realpath(arguments.out))
+    with as_by_ctrl_c():
+        draw_photographs(out, arguments.seed)
+        scores = locate_photographs(out)
+    for score in scores:
+        print("\n".join(score.lines()))
+    troubles = [score.trouble for score in scores if score.trouble]
+    for trouble in troubles:
+        print(f"demo: {trouble}", file=sys.stderr)
+    print(f"pictures   {out}; click in them: fwav-companion locate {arguments.out} --http 127.0.0.1:8090")
+    if arguments.json:
+        print(json.dumps({"ok": not troubles, "targets": [score.as_json() for score in scores]}))
+    return 1 if troubles else 0
 
 
 def _fly_fleet(arguments: argparse.Namespace) -> int:
