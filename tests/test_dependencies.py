@@ -82,7 +82,7 @@ def test_the_package_declares_what_it_imports_and_imports_what_it_declares():
 
 
 def test_what_an_extra_brings_is_imported_only_where_it_is_needed():
-    """The rooms of `study`, `ground`, the page of `locate` and the fleet's bus are loaded after their extra was required."""
+    """Study, ground, the page of `locate` and the fleet bus are loaded only after their extra was required."""
     apart = {"tools/study", "tools/locate_page", "ground", "fleet"}
     package = PROJECT / "fwav_companion"
     rooms = [path for path in (*package.iterdir(), *(package / "tools").iterdir()) if (path / "__init__.py").exists()]

@@ -30,6 +30,7 @@ BENCHMARKS = (
     "camera",
     "study",
     "export",
+    "locate",
 )
 """Modules of this package, each with ``measure() -> list[Figure]``."""
 
