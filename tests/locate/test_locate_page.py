@@ -139,6 +139,10 @@ def test_click_without_a_place_is_named_and_the_others_are_answered(pictures, tm
     state = board.state()
     assert [(each.pixel, each.reason) for each in state.without_place] == [((400.0, 20.0), "above_horizon")]
     assert [each.label for each in state.answers.targets] == ["road"]
+    with served(board, shelf) as port:
+        reasons = json.loads(ask(port, "/settings.json")[2])["reasons"]
+        shown = json.loads(ask(port, "/state.json")[2])["without_place"]
+    assert reasons[shown[0]["reason"]] == "it is above the horizon"
 
 
 @pytest.mark.parametrize(

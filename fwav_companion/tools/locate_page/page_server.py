@@ -17,6 +17,7 @@ from fwav_companion.ground.guarded_site import GuardedSite, attached, json_respo
 from fwav_companion.ground.server import PAGE as GROUND_PAGE
 from fwav_companion.ground.tiles import TileFile, TilesInfo
 from fwav_companion.tools.locate.exports import exported
+from fwav_companion.tools.locate.session import REASONS
 from fwav_companion.tools.locate_page.board import BoardState, ClickBoard
 from fwav_companion.tools.locate_page.shelf import Shelf, shown
 
@@ -47,6 +48,8 @@ class LocateSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the file of the clicks."""
     tiles: TilesInfo | None
     video_s: float | None
+    reasons: dict[str, str] = msgspec.field(default_factory=REASONS.copy)
+    """Why a click has no place, in words."""
 
 
 class ClickRequest(msgspec.Struct, forbid_unknown_fields=True):

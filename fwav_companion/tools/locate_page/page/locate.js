@@ -41,6 +41,7 @@ open().catch((error) => warn(String(error)));
 async function open() {
   settings = await (await fetch("settings.json")).json();
   pictures = await (await fetch("pictures.json")).json();
+  list.reasons = settings.reasons;
   element("from").textContent = `fwav-companion ${settings.version}.`;
   element("saved").textContent = "opened";
   if (settings.tiles) map.addTiles(settings.tiles);

@@ -37,7 +37,7 @@ export class TargetList {
     head.append(swatch, create("span", "", label));
     button.append(head);
     const lines = target ? lines95(target) : [];
-    lines.push(...refused.map((each) => `${each.file}: no place: ${each.reason.replaceAll("_", " ")}`));
+    lines.push(...refused.map((each) => `${each.file}: no place: ${this.reasons[each.reason]}`));
     for (const line of lines) button.append(create("span", "line", line));
     button.addEventListener("click", () => this.onTarget(label));
     return button;
