@@ -23,7 +23,7 @@ def document(text: str, name: str, accepted: str) -> dict[str, Any]:
     if OCAMCALIB in text:
         raise InputFileError(
             f"{name}: a file of OCamCalib, whose polynomial runs from pixels to rays; calibrate from the same pictures "
-            "with `fwav-companion calibrate`, or with Kalibr's pinhole-equi"
+            "with: fwav-companion calibrate PICTURES --board chessboard:9x6:25mm --out camera.yaml"
         )
     mappings = [_python_mapping(text, name, accepted)] if _is_mrcal(text) else _yaml_mappings(text, name, accepted)
     if not mappings:

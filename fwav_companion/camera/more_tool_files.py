@@ -24,7 +24,7 @@ def mrcal_lens(fields: Fields) -> Lens:
     if model not in MRCAL_MODELS:
         raise fields.refusal(
             "lensmodel",
-            f"{', '.join(MRCAL_MODELS)}; convert: mrcal-convert-lensmodel LENSMODEL_OPENCV8 in.cameramodel",
+            f"{', '.join(MRCAL_MODELS)}; convert: {_conversion(fields)}",
         )
     fx, fy, cx, cy, *d = fields.numbers("intrinsics", MRCAL_COUNTS[model])
     size = fields.size("imagersize")
@@ -33,6 +33,15 @@ def mrcal_lens(fields: Fields) -> Lens:
     require_inside(fields, "intrinsics", (cx, cy), size)
     matrix = CameraMatrix((fx, fy), (cx, cy), size)
     return distorted_lens(fields, MRCAL_MODELS[model], keys=("lensmodel", "intrinsics"), d=tuple(d), matrix=matrix)
+
+
+def _conversion(fields: Fields) -> str:
+    """The command that converts a .cameramodel; one without the calibration's inputs is fitted at sampled pixels.
+
+    Of sampled pixels mrcal leaves out the corners, unless the radius is 0.
+    """
+    sampled = "" if "optimization_inputs" in fields else "--sampled --radius 0 "
+    return f"mrcal-convert-lensmodel {sampled}LENSMODEL_OPENCV8 in.cameramodel > out.cameramodel"
 
 
 def gyroflow_lens(fields: Fields) -> Lens:

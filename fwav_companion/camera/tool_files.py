@@ -31,6 +31,8 @@ MODEL_KEYS = (
 )
 """Keys of the model's name; the last two are OpenCV's own sample's, 1 or 0."""
 SIZE_KEYS = (("image_width", "image_height"), ("width", "height"), ("image_Width", "image_Height"))
+KALIBR_COMMAND = "kalibr_calibrate_cameras --bag BAG --topics TOPIC --target TARGET.yaml --models pinhole-equi"
+"""Fits the fisheye model; Kalibr has no command that converts between its models."""
 FISHEYE_NAMES = ("equidistant", "fisheye")
 PINHOLE_COUNTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "radtan": (4,), "none": (0,)}
 """Number of coefficients by model name. Kalibr's radtan is a plumb_bob of four."""
@@ -68,7 +70,7 @@ def kalibr_lens(fields: Fields) -> Lens:
         raise fields.refusal(
             "camera_model",
             "pinhole, with distortion_model equidistant or radtan; calibrate again from the same bag: "
-            "kalibr_calibrate_cameras --models pinhole-equi",
+            f"{KALIBR_COMMAND}",
         )
     fu, fv, pu, pv = fields.numbers("intrinsics", 4)
     if min(fu, fv) <= 0.0:
@@ -123,7 +125,9 @@ def camodocal_lens(fields: Fields) -> Lens:
         d = tuple(terms.number(key) for key in ("k1", "k2", "p1", "p2"))
         return distorted_lens(terms, "plumb_bob", keys=("model_type", "p1"), d=d, matrix=matrix)
     raise fields.refusal(
-        "model_type", "KANNALA_BRANDT or PINHOLE; calibrate again: intrinsic_calib --camera-model kannala-brandt"
+        "model_type",
+        "KANNALA_BRANDT or PINHOLE; calibrate again: "
+        "intrinsic_calib -i PICTURES -p PREFIX -w COLUMNS -h ROWS -s SQUARE_MM --camera-model kannala-brandt",
     )
 
 
