@@ -97,9 +97,9 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
 
 def _with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
     """The costs, less the bonus of pairs whose track and fix have one id."""
-    bonus = ids.bonus
-    if bonus == 0.0:
+    if not [track for track in frame.candidates if track.detector_id is not None]:
         return costs
+    bonus = ids.bonus
     of_fix = [fix.sighting.detection.detector_id for fix in frame.fixes]
     same = {(i, j) for i, j in costs if of_fix[j] is not None and of_fix[j] == frame.candidates[i].detector_id}
     return {pair: cost - bonus if pair in same else cost for pair, cost in costs.items()}

@@ -164,7 +164,10 @@ def detector_after(
     animals is not evidence of twenty false detections.
     """
     hits, looks, false, undecided = 0, 0, float(refused), 0.0
+    ids = []
     for old, now in zip(before, after, strict=False):
+        if now.fix is not None and old.detector_id is not None:
+            ids.append((old.detector_id, now.fix.sighting.detection.detector_id))
         if now.fix is not None and old.life.confirmed_ns is not None:
             detections = now.life.detections - old.life.detections
             hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)
@@ -176,12 +179,8 @@ def detector_after(
             false += expected
         else:
             undecided += expected
-    ids = detector.ids.after(
-        (old.detector_id, now.fix.sighting.detection.detector_id)
-        for old, now in zip(before, after, strict=False)
-        if now.fix is not None
-    )
-    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=ids)
+    evidence = detector.ids.after(ids) if ids else detector.ids
+    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=evidence)
 
 
 def teaches(fix: GroundFix) -> bool:
