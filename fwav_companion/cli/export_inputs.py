@@ -6,6 +6,9 @@ import heapq
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
+from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -66,15 +69,15 @@ class RecordedFlight:
         from fwav_companion.recording.exports.viewer_messages import ViewerMessages
 
         viewer = ViewerMessages()
-        streams: list[Iterator[Message]] = [(message for line in lines for message in viewer.of_line(line))]
+        messages = chain.from_iterable(map(viewer.of_line, lines))
         if self._folder is None:
-            return streams[0]
-        streams += [self._calibrations(), self._pictures(), self._annotations()]
-        return heapq.merge(*streams, key=lambda message: message[1])
+            return messages
+        rare = heapq.merge(self._calibrations(), self._pictures(), self._annotations(), key=itemgetter(1))
+        return _merged(messages, rare)
 
     def pictures_by_frame(self) -> dict[int, Path]:
         """The paths of the recorded pictures, by frame number."""
-        return {each["frame"]: file for each, file in self._stamped() if isinstance(each.get("frame"), int)}
+        return {each["frame"]: file for each, file in self._stamped if isinstance(each.get("frame"), int)}
 
     def print_damage(self) -> None:
         """Report lines that were left out."""
@@ -96,20 +99,19 @@ class RecordedFlight:
                     continue
                 yield line
 
-    def _stamped(self) -> Iterator[tuple[dict[str, Any], Path]]:
-        """The stamps of the pictures that exist, with their paths."""
+    @cached_property
+    def _stamped(self) -> list[tuple[dict[str, Any], Path]]:
+        """The stamps of the pictures that exist, with their paths. Read once: three readers want them."""
         if self._folder is None or not (self._folder / STAMPS).is_file():
-            return
+            return []
         pictures = {file.name: file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS}
-        for each in self._lines(self._folder / STAMPS, _ignore):
-            file = pictures.get(str(each.get("file")).rpartition("/")[2])
-            if file is not None:
-                yield each, file
+        stamped = ((each, _name(each)) for each in self._lines(self._folder / STAMPS, _ignore))
+        return [(each, pictures[name]) for each, name in stamped if name in pictures]
 
     def _pictures(self) -> Iterator[Message]:
         from fwav_companion.recording.exports.viewer_messages import image
 
-        for each, file in self._stamped():
+        for each, file in self._stamped:
             at_ns = _unix_ns(each)
             if at_ns is not None:
                 yield image(at_ns, file.read_bytes(), FORMATS[file.suffix.lower()])
@@ -160,3 +162,21 @@ def _unix_ns(line: dict[str, Any]) -> int | None:
         if isinstance(value, int | float):
             return max(0, round(value * 1e6) * 1000)
     return None
+
+
+def _name(stamp: dict[str, Any]) -> str:
+    """A picture's file name, by its stamp."""
+    return str(stamp.get("file")).rpartition("/")[2]
+
+
+def _merged(many: Iterator[Message], rare: Iterator[Message]) -> Iterator[Message]:
+    """Both by time, at one comparison a message; of equal times ``many`` comes first."""
+    after = next(rare, None)
+    for message in many:
+        while after is not None and after[1] < message[1]:
+            yield after
+            after = next(rare, None)
+        yield message
+    if after is not None:
+        yield after
+        yield from rare

@@ -209,3 +209,20 @@ def test_targets_file_alone_is_enough(folder, capsys):
     alone = folder.parent / "targets.jsonl"
     shutil.copy(folder / "targets.jsonl", alone)
     assert of(read(exported(alone, "b.mcap", capsys)), "/camera/image") == []
+
+
+def test_damaged_stamp_of_a_picture_is_counted_once(folder, capsys):
+    with (folder / "pictures/stamps.jsonl").open("a") as file:
+        file.write('{"file":"0000')
+    assert main(["export", str(folder), "--out", str(folder / "a.mcap")]) == 0
+    assert "2 lines are incomplete" in capsys.readouterr().err
+
+
+def test_pictures_after_the_last_line_are_in_the_file(folder, capsys):
+    (folder / "pictures/000009.jpg").write_bytes(JPEG)
+    with (folder / "pictures/stamps.jsonl").open("a") as file:
+        file.write(json.dumps({"file": "000009.jpg", "frame": 9, "time_unix": T0 + 9}) + "\n")
+    messages = read(exported(folder, "a.mcap", capsys))
+    assert messages[-1][1:3] == ("/camera/image", round((T0 + 9) * 1e9))
+    times = [at for _, _, at, _ in messages]
+    assert times == sorted(times)

@@ -8,6 +8,8 @@ from __future__ import annotations
 from math import cos, radians, sin
 from typing import Any, Final
 
+import msgspec
+
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.recording.exports.base import Ellipse95
 
@@ -16,16 +18,30 @@ Message = tuple[str, int, dict[str, Any]]
 Stamp = dict[str, int]
 """An instant as viewers have it."""
 MAP: Final = "map"
-UPRIGHT: Final = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
-COLOURS: Final = {
-    "confirmed": {"r": 0.9, "g": 0.25, "b": 0.05, "a": 1.0},
-    "coasting": {"r": 0.85, "g": 0.65, "b": 0.0, "a": 1.0},
-    "tentative": {"r": 0.5, "g": 0.5, "b": 0.5, "a": 1.0},
-    "dropped": {"r": 0.3, "g": 0.3, "b": 0.3, "a": 1.0},
+RGB: Final = {
+    "confirmed": (0.9, 0.25, 0.05),
+    "coasting": (0.85, 0.65, 0.0),
+    "tentative": (0.5, 0.5, 0.5),
+    "dropped": (0.3, 0.3, 0.3),
 }
+
+
+def _encoded(content: dict[str, Any]) -> msgspec.Raw:
+    """A part that most messages share, encoded once."""
+    return msgspec.Raw(msgspec.json.encode(content))
+
+
+def _colours(opacity: float) -> dict[str, msgspec.Raw]:
+    return {state: _encoded({"r": r, "g": g, "b": b, "a": opacity}) for state, (r, g, b) in RGB.items()}
+
+
+UPRIGHT: Final = _encoded({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0})
+FOREVER: Final = _encoded({"sec": 0, "nsec": 0})
+DOT: Final = _encoded({"x": 0.3, "y": 0.3, "z": 0.3})
+COLOURS: Final = _colours(1.0)
+DISC_COLOURS: Final = _colours(0.4)
 THIN_M = 0.02
 """Thickness of an ellipse's disc."""
-DISC_COLOURS: Final = {state: {**colour, "a": 0.4} for state, colour in COLOURS.items()}
 KNOWN_COVARIANCE = 3
 
 
@@ -42,14 +58,15 @@ def enu(ned: Vector3) -> dict[str, float]:
 def entity(at: Stamp, name: str, text: str, state: str, place: Vector3, ellipse: Ellipse95 | None) -> dict[str, Any]:
     """A target with its ellipse and text. ``place``: NED, metres. ``name``: what a later entity replaces."""
     known = state if state in COLOURS else "tentative"
-    pose, colour = {"position": enu(place), "orientation": UPRIGHT}, COLOURS[known]
+    position, colour = enu(place), COLOURS[known]
+    pose = {"position": position, "orientation": UPRIGHT}
     return {
         "timestamp": at,
         "frame_id": MAP,
         "id": name,
-        "lifetime": {"sec": 0, "nsec": 0},
-        "cylinders": [] if ellipse is None else [_disc(pose["position"], ellipse, DISC_COLOURS[known])],
-        "spheres": [{"pose": pose, "size": {"x": 0.3, "y": 0.3, "z": 0.3}, "color": colour}],
+        "lifetime": FOREVER,
+        "cylinders": [] if ellipse is None else [_disc(position, ellipse, DISC_COLOURS[known])],
+        "spheres": [{"pose": pose, "size": DOT, "color": colour}],
         "texts": [
             {
                 "pose": pose,
@@ -79,7 +96,7 @@ def transform(at: Stamp, child: str, vehicle_ned: Vector3) -> dict[str, Any]:
     }
 
 
-def _disc(position: Any, ellipse: Ellipse95, colour: dict[str, float]) -> dict[str, Any]:
+def _disc(position: dict[str, float], ellipse: Ellipse95, colour: msgspec.Raw) -> dict[str, Any]:
     """The 95 % ellipse as a flat elliptic cylinder. Its x axis is the larger one; angles count from east to north."""
     half = 0.5 * radians(90.0 - ellipse.bearing_deg)
     return {
