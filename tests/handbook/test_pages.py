@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import common
 
+from fwav_companion.publishing.ground_messages import NAMES
 from fwav_companion.types import Frame
 from fwav_companion.vision.frame_receiver import read_clocks
 from fwav_companion.vision.wall_clock import WallClock
@@ -133,3 +135,13 @@ def test_every_fault_of_the_architecture_names_its_test():
     assert len(rows) > 30
     for fault, file, name in rows:
         assert f"def {name}(" in (ROOT / "tests" / file).read_text(encoding="utf-8"), fault
+
+
+def test_page_of_ground_stations_explains_each_named_value_and_names_real_messages():
+    page = (DOCS / "guides/ground-stations.md").read_text(encoding="utf-8")
+    explained = [name for row in re.findall(r"^\| (TGT_[^|]*) \|", page, re.MULTILINE) for name in row.split(", ")]
+    assert explained == list(NAMES)
+    messages = re.findall(r"^\| ((?:[A-Z]{3,}_?)+)[ ,:]", page.partition("## QGroundControl")[0], re.MULTILINE)
+    messages = [each for each in messages if not each.startswith("TGT")]
+    assert len(messages) >= 10
+    assert all(hasattr(common, f"MAVLINK_MSG_ID_{message}") for message in messages)

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import shutil
+import tracemalloc
 import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
@@ -20,6 +21,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from fwav_companion.cli.main import main
+from fwav_companion.recording.exports.mcap_file import write_mcap
+from fwav_companion.recording.exports.viewer_messages import ViewerMessages
 from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
 
 LAYOUT = Path(__file__).parents[2] / "docs/examples/layout.json"
@@ -226,3 +229,20 @@ def test_pictures_after_the_last_line_are_in_the_file(folder, capsys):
     assert messages[-1][1:3] == ("/camera/image", round((T0 + 9) * 1e9))
     times = [at for _, _, at, _ in messages]
     assert times == sorted(times)
+
+
+def test_memory_of_mcap_does_not_grow_with_the_flight(tmp_path):
+    def peak(count):
+        viewer = ViewerMessages()
+        lines = [LINES[0], *(target(n / 10) for n in range(6))]
+        messages = (message for n in range(count) for message in viewer.of_line(lines[n % len(lines)]))
+        with (tmp_path / "a.mcap").open("wb") as file:
+            tracemalloc.start()
+            write_mcap(file, messages)
+            _, most = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+        return most
+
+    peak(100)
+    few, many = peak(1_500), peak(4_500)
+    assert many < 1.25 * few
