@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+import copy
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT, Array, Ints, SampleNoise, SharedPriors
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
-from fwav_companion.estimation.kept_sightings import KEPT, Sightings, joined, thinned
+from fwav_companion.estimation.kept_sightings import KEPT, Sightings, in_order, joined, thinned
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.moving import MovingTarget
 from fwav_companion.estimation.path_samples import Carrier
@@ -76,9 +77,8 @@ class Estimator:
         if live is None or not len(s) or not self.carrier.ready:
             return None
         live.predict(float(s.t[0]))
-        targets = live.targets
-        detection = np.repeat(np.arange(len(s)), len(targets))
-        prediction, _, _ = live.innovations(s, detection, np.tile(targets, len(s)))
+        detection, target = live.near_pairs(s)
+        prediction, _, _ = live.innovations(s, detection, target)
         return prediction
 
     def update(self, s: Sightings) -> None:
@@ -108,6 +108,20 @@ class Estimator:
             self.moving[target] = MovingTarget(self.live, s)
         return self.moving[target].update(self.live, s)
 
+    def copy(self) -> Estimator:
+        """A snapshot of all but the telemetry, which frames do not change: a late frame returns to it."""
+        other = copy.copy(self)
+        other._new, other._replayed = list(self._new), self._replayed.copy()
+        other.live = None if self.live is None else self.live.copy()
+        other.moving = {k: copy.copy(moving) for k, moving in self.moving.items()}
+        return other
+
+    def rename(self, old: int, new: int) -> None:
+        """Count the sightings of a target as those of another: they were found to be one."""
+        if self.kept is not None:
+            self.kept = self.kept.with_targets(np.where(self.kept.target == old, new, self.kept.target))
+        self._new = [s.with_targets(np.where(s.target == old, new, s.target)) for s in self._new]
+
     # Solves.
 
     def is_solve_due(self, now: float) -> bool:
@@ -130,7 +144,7 @@ class Estimator:
         """A snapshot for a solve at the instant `now`; adopt its estimate later."""
         s = joined([*([self.kept] if self.kept is not None else []), *self._new])
         self._new = []
-        self.kept = s = thinned(s, now, self._budget)
+        self.kept = s = thinned(in_order(s), now, self._budget)
         self._path.settle()
         self._prune(now, s)
         first = self.estimate.small is None

@@ -69,6 +69,11 @@ def joined(parts: Sequence[Sightings]) -> Sightings:
     )
 
 
+def in_order(s: Sightings) -> Sightings:
+    """In order of frames: the first sightings of a target come when it is confirmed, after later frames' others."""
+    return s if bool((s.frame[1:] >= s.frame[:-1]).all()) else s.select(np.argsort(s.frame, kind="stable"))
+
+
 def thinned(s: Sightings, now: float, budget: int = KEPT) -> Sightings:
     """At most about `budget` sightings in whole frames: all of the newest, older ones in growing steps.
 

@@ -7,6 +7,8 @@ sightings, moves when the rest moves, and does not teach. The cost is linear in 
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, Array, Ints
@@ -20,6 +22,7 @@ from fwav_companion.estimation.smoother import common_noise
 from fwav_companion.estimation.wander import Wander, step_variance
 
 TEACHING = 10  # targets whose sightings update the shared parameters
+_FEW_PAIRS, _NEAREST = 24, 3
 _SHORT_S = 0.5  # gap up to which the error is a random walk
 
 
@@ -50,6 +53,13 @@ class LiveFilter:
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self._pose: tuple[float, Poses] | None = None
 
+    def copy(self) -> LiveFilter:
+        """A snapshot that later frames do not change."""
+        other = copy.copy(self)
+        other.mean, other.covariance, other.other_mean = self.mean.copy(), self.covariance.copy(), self.other_mean.copy()
+        other.other_covariance, other.other_cross = self.other_covariance.copy(), self.other_cross.copy()
+        return other
+
     @property
     def targets(self) -> Ints:
         """Numbers of all targets, teaching ones first."""
@@ -61,6 +71,15 @@ class LiveFilter:
             shared = self.mean[: self.size]
             self._pose = t, self.carrier.pose(t - float(shared[CAMERA_DELAY]), attitude_shift(shared))
         return self._pose[1]
+
+    def poses(self, s: Sightings, detection: Ints) -> Poses:
+        """Poses of a frame's detections (M,): one pose, or with a rolling shutter that of each detection's row."""
+        if s.t[0] == s.t.max() == s.t.min():
+            return self.pose(float(s.t[0]))
+        shared = self.mean[: self.size]
+        t = s.t - float(shared[CAMERA_DELAY])
+        shift = attitude_shift(shared)
+        return Poses(*(a.take(detection, -1) for a in self.carrier.poses(t, self.carrier.live_rates(t + shift), shift)))
 
     def target_means(self, targets: Ints) -> Array:
         """Means (3, M): north, east, height above the surface."""
@@ -101,6 +120,24 @@ class LiveFilter:
         start = np.maximum(start, 1e-12)
         return later / start, np.maximum(start - later * later / start, self.growth * _SHORT_S)
 
+    def near_pairs(self, s: Sightings) -> tuple[Ints, Ints]:
+        """Pairs (M,) of detections and targets that may belong together: all, or of many the nearest of each detection.
+
+        The joint covariance grows with the square of their number.
+        """
+        targets = self.targets
+        detection = np.repeat(np.arange(len(s)), len(targets))
+        if len(detection) <= _FEW_PAIRS:
+            return detection, np.tile(targets, len(s))
+        mean = self.target_means(targets)
+        mean[2] += self.model.ground.height(mean[:2])[0]
+        rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
+        point, error = np.tile(mean, len(s)), self.mean[self._errors, None]
+        found = project(self.poses(s, detection), rays, tangents, self.mean[: self.size], point, error)
+        far = np.where(found.visible, (found.residual**2).sum(0), np.inf).reshape(len(s), -1)
+        nearest = np.argsort(far, axis=1, kind="stable")[:, :_NEAREST]
+        return np.repeat(np.arange(len(s)), nearest.shape[1]), targets[nearest.ravel()]
+
     def innovations(self, s: Sightings, detection: Ints, targets: Ints) -> tuple[FramePrediction, Array, Array]:
         """Pairs (M,) of detections and targets; their rows (2 M, n) of the base state, and (2, 3, M) of the targets."""
         m, x = len(targets), self.mean
@@ -108,7 +145,7 @@ class LiveFilter:
         ground, slope = self.model.ground.height(mean[:2])
         point = np.stack([mean[0], mean[1], mean[2] + ground])
         rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
-        found = project(self.pose(float(s.t[0])), rays, tangents, x[: self.size], point, x[self._errors, None])
+        found = project(self.poses(s, detection), rays, tangents, x[: self.size], point, x[self._errors, None])
         h = np.zeros((2, m, len(x)))
         h[..., : self.size] = found.shared.swapaxes(1, 2)
         h[..., self.error :] = found.point.swapaxes(1, 2)

@@ -113,8 +113,12 @@ class Carrier:
     def pose(self, t: float, attitude_shift: float = 0.0) -> Poses:
         """The pose at one instant (N = 1), rates with the share of motion that was last found."""
         instants = np.array([t])
-        fast, slow = self.attitudes.fast_and_slow_rates(instants + attitude_shift)
-        return self.poses(instants, slow + self._motion_share * (fast - slow), attitude_shift)
+        return self.poses(instants, self.live_rates(instants + attitude_shift), attitude_shift)
+
+    def live_rates(self, t: Array) -> Array:
+        """Rates (3, N) for derivatives at a few instants, with the share of motion that was last found."""
+        fast, slow = self.attitudes.fast_and_slow_rates(t)
+        return np.asarray(slow + self._motion_share * (fast - slow))
 
 
 _RIGHT = np.array([[0.0], [1.0], [0.0]])

@@ -48,7 +48,7 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import Reorder, make_tracker, tracker_with
+from fwav_companion.tracking import Reorder, Tracker, make_tracker, smoothed_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
 
 WANTED = frozenset(
@@ -81,6 +81,7 @@ def make_pipeline(
     attitudes_kept_s: float | None = None,
     clock_rate: float = 1.0,
     written: bool = True,
+    smooths: bool = False,
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is the pipeline of a relay, which localizes nothing.
 
@@ -89,7 +90,7 @@ def make_pipeline(
     ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: time for
     which attitudes are kept, for callers that read them long afterwards; None: as long as flying needs them.
     ``clock_rate``: rate of the autopilot's clock from all arrivals of a recording. ``written``: false where the lines
-    are not used.
+    are not used. ``smooths``: the smoother estimates, where it knows the ground model and the mount.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -107,6 +108,7 @@ def make_pipeline(
             kept=kept,
             own_filter=own_filter,
             sightings=sightings,
+            smooths=smooths,
         )
     follows_clicks = live and config.vision is not None and config.vision.track_clicks
     spots = ClickedSpots(camera.look) if camera is not None and follows_clicks else None
@@ -152,10 +154,15 @@ def make_camera(
     kept: KeptCalibration | None = None,
     own_filter: Filter | None = None,
     sightings: bool = False,
+    smooths: bool = False,
 ) -> CameraPipeline:
     """The pipeline of one camera. ``vehicle``: the vehicle's telemetry, or the poses of photographs."""
     landmarks = [landmark.known for landmark in config.landmark]
-    if own_filter is None:
+    tracker: Tracker
+    if smooths and own_filter is None and isinstance(vehicle, Telemetry) and _is_smoothed(config):
+        lever_m = config.camera.mount.lever_arm_m
+        tracker = smoothed_tracker(tracking_options(config), config.priors, vehicle, kept, lever_m=lever_m)
+    elif own_filter is None:
         tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept, landmarks=landmarks)
     else:
         self_calibration = config.tracking.self_calibration
@@ -172,6 +179,12 @@ def make_camera(
         readout=ReadoutAdvice(config.priors),
         landmarks=LandmarkSights(landmarks, config.priors, min_height_m=config.ground.min_height_m),
     )
+
+
+def _is_smoothed(config: Config) -> bool:
+    """Whether the smoother knows this configuration: a camera fixed to the body, ground at home's altitude."""
+    fixed, level = not config.camera.mount.gimbal_device_id, config.ground.model == "home"
+    return fixed and level and not config.landmark and config.tracking.filter == "kalman"
 
 
 def own_components(config: Config) -> frozenset[int]:

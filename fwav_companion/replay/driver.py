@@ -48,11 +48,12 @@ def replay(
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
     limits: bool = False,
+    smooths: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
     ``own_filter`` replaces the filter of [tracking] filter. ``limits``: the summary has, by track, the horizontal
-    variance that each live target would lose if one cause of its error were known, m^2.
+    variance that each live target would lose if one cause of its error were known, m^2. ``smooths``: the smoother estimates.
     """
     pipeline = make_pipeline(
         _config_for(recording, config),
@@ -64,6 +65,7 @@ def replay(
         own_filter=own_filter,
         sightings=sightings,
         clock_rate=recording.clock_rate,
+        smooths=smooths,
     )
     tally = ErrorTally(truth) if truth else None
     for _ in _drive(pipeline, recording, own_components(config)):

@@ -70,6 +70,10 @@ class HermiteSeries:
         """The instant of the latest sample."""
         return self._times[-1] if self._times else None
 
+    def times_after(self, boot_ns: BootNs) -> list[BootNs]:
+        """Instants of the samples later than this one, in order."""
+        return self._times[bisect_right(self._times, boot_ns) :]
+
     def at(self, boot_ns: BootNs) -> HermitePoint | None:
         """Values at the instant; None where no sample is near."""
         index = bisect_right(self._times, boot_ns)

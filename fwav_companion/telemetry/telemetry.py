@@ -174,6 +174,14 @@ class Telemetry:
         """Vehicle state at this instant, or the reason why its attitude is not known."""
         return self._kept.state_at(boot_ns)
 
+    def attitudes_after(self, boot_ns: BootNs) -> list[AttitudeSample]:
+        """Stored attitudes later than the instant, as sent, in order of time."""
+        return self._kept.attitudes_after(boot_ns)
+
+    def positions_after(self, boot_ns: BootNs) -> list[BootNs]:
+        """Instants of the stored positions later than the instant, in order of time."""
+        return self._kept.positions_after(boot_ns)
+
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""
         return self._kept.ready_for(boot_ns)

@@ -13,7 +13,7 @@ from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
 from fwav_companion.telemetry.position_bias import PositionBias
-from fwav_companion.types import HeightSource, RangeSample, Unpaired, VehicleState
+from fwav_companion.types import AttitudeSample, HeightSource, RangeSample, Unpaired, VehicleState
 
 RANGE_NEAR_NS = 200_000_000
 """Age up to which a rangefinder reading counts as simultaneous; readings come at 10 Hz and more."""
@@ -98,6 +98,14 @@ class VehicleHistory:
             turning_frequency=attitude.frequency,
             gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self._clock, attitude),
         )
+
+    def attitudes_after(self, boot_ns: BootNs) -> list[AttitudeSample]:
+        """Stored attitudes later than the instant, in order of time."""
+        return self.attitudes.after(boot_ns)
+
+    def positions_after(self, boot_ns: BootNs) -> list[BootNs]:
+        """Instants of the stored positions later than the instant, in order of time."""
+        return self.positions.times_after(boot_ns)
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""

@@ -70,10 +70,10 @@ class GateStrip(msgspec.Struct, frozen=True, gc=False):
 
 def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
     """Map of track index to fix indices, in order. It contains every pair that the exact gate accepts."""
-    standing = targets[0][1]
-    if len(targets) * len(fixes) <= FEW_PAIRS or not isinstance(standing, StandingTargetState):
+    if len(targets) * len(fixes) <= FEW_PAIRS or not all(isinstance(each, StandingTargetState) for _, each in targets):
         every = [j for j, *_ in fixes]
         return {i: every for i, _ in targets}
+    standing = cast("StandingTargetState", targets[0][1])
     strips, possible = _strips(fixes, standing.gate_share_of), {}
     for i, target in cast("Sequence[tuple[int, StandingTargetState]]", targets):
         place, own = target.apparent_ned, target.gate_share

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from fwav_companion.geometry.stamps import NS_PER_S
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.filters.kalman import StaticKalman
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
     from fwav_companion.self_calibration.delayed_poses import StateAt
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
+    from fwav_companion.tracking.smoothed.flight_samples import SampleSource
 
 KEEP_STATIC_NS = 300 * NS_PER_S
 """Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
@@ -60,6 +62,28 @@ def make_tracker(
     # A second tracker treats all targets as static: only a target known to be where it was can calibrate.
     calibrating = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=calibrating)
+
+
+def smoothed_tracker(
+    options: TrackingOptions,
+    priors: ErrorPriors,
+    source: SampleSource,
+    kept: KeptCalibration | None = None,
+    *,
+    lever_m: Vector3,
+) -> Tracker:
+    """The tracker by the smoother, for static and moving targets. It needs numpy.
+
+    Moving targets are not smoothed yet: a second tracker treats all as static and calibrates.
+    """
+    from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
+
+    moving = options.motion == "moving"
+    smoothed = SmoothedTracker(
+        StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
+        consider=not options.self_calibration, patience_ns=PATIENCE_NS if moving else 0,
+    )  # fmt: skip
+    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed
 
 
 def tracker_with(

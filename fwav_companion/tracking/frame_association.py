@@ -58,7 +58,7 @@ def _candidates(tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoi
     return [
         Candidate(
             track.label,
-            track.target,
+            choice.gated(track),
             track.detector_id,
             choice.calibrated(track),
             confirmed=track.id in first,

@@ -120,6 +120,10 @@ class TargetChoice(msgspec.Struct, frozen=True):
         by_fix = calibrator.by_fix(track.id, track.fix, nn + ee)
         return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
 
+    def gated(self, track: LiveTrack) -> TargetState:
+        """The target that gates fixes in the association: that of its own filter."""
+        return track.target
+
     def target(self, track: LiveTrack) -> TargetEstimate:
         """The target by the joint estimate where that answers (``CalibrationState.answers``), else by its own filter.
 

@@ -70,6 +70,8 @@ class Tracker:
     @property
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
+        if self._calibrating is not None:
+            return self._calibrating.calibration
         calibrator = self._calibrated_by._state.calibrator
         return None if calibrator is None else calibrator.report()
 

@@ -88,6 +88,10 @@ class AttitudeHistory:
         """All stored samples, in order of time."""
         return tuple(self._samples)
 
+    def after(self, boot_ns: BootNs) -> list[AttitudeSample]:
+        """The stored samples later than this instant, in order of time."""
+        return self._samples[bisect_right(self._times, boot_ns) :]
+
     @property
     def newest(self) -> AttitudeSample | None:
         """The latest sample."""

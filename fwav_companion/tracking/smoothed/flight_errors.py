@@ -1,0 +1,71 @@
+"""Priors and noise of the smoother from the configuration's error priors."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from fwav_companion.estimation.errors import (
+    BODY_SHARED,
+    CAMERA_DELAY,
+    HEADING,
+    HEIGHT,
+    LEVER,
+    MOUNT,
+    PITCH,
+    POSITION_DELAY,
+    ROLL,
+    SampleNoise,
+    SharedPriors,
+)
+from fwav_companion.self_calibration import KeptCalibration
+from fwav_companion.types import Bias, ErrorPriors
+
+_SOURCES = {
+    CAMERA_DELAY: Bias.TIME_OFFSET,
+    MOUNT.start: Bias.MOUNT_X,
+    MOUNT.start + 1: Bias.MOUNT_Y,
+    MOUNT.start + 2: Bias.MOUNT_Z,
+    HEADING: Bias.HEADING,
+    ROLL: Bias.ROLL,
+    PITCH: Bias.PITCH,
+    HEIGHT: Bias.HEIGHT,
+    POSITION_DELAY: Bias.POSITION_DELAY,
+    LEVER.start: Bias.LEVER_X,
+    LEVER.start + 1: Bias.LEVER_Y,
+    LEVER.start + 2: Bias.LEVER_Z,
+}
+"""The bias of [uncertainty] behind each shared parameter."""
+
+
+def shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> SharedPriors:
+    """Priors of the shared parameters. ``kept``: a calibration of an earlier flight, narrower than the configuration.
+
+    A kept mount is a correction (true minus configured); the smoother's errors are reported minus true.
+    """
+    mean, sigma = np.zeros(BODY_SHARED), np.zeros(BODY_SHARED)
+    for index, bias in _SOURCES.items():
+        sigma[index] = priors.sigma(bias)
+    if kept is not None:
+        mean[CAMERA_DELAY], mean[MOUNT] = kept.time_offset_s, [-angle for angle in kept.mount]
+        sigma[CAMERA_DELAY], sigma[MOUNT] = kept.time_offset_sigma_s, kept.mount_sigma
+    return SharedPriors(mean, sigma)
+
+
+def sample_noise(priors: ErrorPriors, position_bias_m: float | None, stamp_sigma_s: float) -> SampleNoise:
+    """Noise of single samples. ``position_bias_m``: the receiver's own accuracy; None: as configured.
+
+    ``stamp_sigma_s``: of a picture's instant on the attitudes' clock. Telemetry has already corrected the mean delay of
+    the attitudes' stamps.
+    """
+    wander_m = priors.sigma(Bias.POSITION_NORTH) if position_bias_m is None else position_bias_m
+    return SampleNoise(
+        attitude_rad=priors.attitude_noise,
+        attitude_stamp_delay_s=0.0,
+        position_m=hypot(priors.position_noise_m, 1e-3),
+        height_m=hypot(priors.height_noise_m, 1e-3),
+        position_wander_m=wander_m,
+        wander_times_s=priors.position_times_s,
+        stamp_jitter_s=stamp_sigma_s,
+    )

@@ -1,0 +1,80 @@
+"""The smoother's shared parameters as the report of self-calibration."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from fwav_companion.estimation.answers import ParameterStatus, is_calibrated
+from fwav_companion.estimation.errors import (
+    CAMERA_DELAY,
+    HEADING,
+    HEIGHT,
+    MOUNT,
+    STORED_DELAY_SIGMA_S,
+    STORED_MOUNT_SIGMA_RAD,
+)
+from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, KeptCalibration, PriorInflation
+from fwav_companion.self_calibration.calibration_report import SharedParameter
+
+_NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} | {
+    MOUNT.start + k: SharedParameter(SharedParameter.MOUNT_X + k) for k in range(3)
+}
+"""Parameters whose contradicted priors are reported, and their numbers there."""
+
+
+def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
+    """The report now. The mount is reported as a correction, the opposite of the smoother's sign."""
+    statuses = estimator.self_calibration()
+    delay, height, mount = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT]
+    status, reason = _status(estimator, statuses)
+    x, y, z = mount
+    return CalibrationReport(
+        host_ns=host_ns,
+        time_offset_s=delay.estimate,
+        time_offset_sigma_s=delay.sigma,
+        mount=(-x.estimate, -y.estimate, -z.estimate),
+        mount_sigma=(x.sigma, y.sigma, z.sigma),
+        height_m=height.estimate,
+        height_sigma_m=height.sigma,
+        status=status,
+        reason=reason,
+        denied=tuple(
+            PriorInflation(_NAMED[i], s.prior_mean, s.prior_sigma, s.estimate)
+            for i, s in enumerate(statuses)
+            if s.status == "contradicts" and i in _NAMED
+        ),
+        keep=_kept(statuses) if status is CalibrationStatus.CALIBRATED else None,
+    )
+
+
+def _status(
+    estimator: Estimator, statuses: tuple[ParameterStatus, ...]
+) -> tuple[CalibrationStatus, str | None]:
+    if estimator.live is None:
+        return CalibrationStatus.WAITING, "no target was seen long enough with a global position"
+    if is_calibrated(statuses):
+        return CalibrationStatus.CALIBRATED, None
+    needed = (statuses[CAMERA_DELAY], *statuses[MOUNT])
+    missing = [s for s in (*needed, *statuses) if s.status == "contradicts"] or [
+        s for s in needed if s.status == "waiting"
+    ]
+    reason = f"{missing[0].name}: {missing[0].reason}" if missing else None
+    known = statuses[CAMERA_DELAY].status == "calibrated"
+    return (CalibrationStatus.TIME if known else CalibrationStatus.WAITING), reason
+
+
+def _kept(statuses: tuple[ParameterStatus, ...]) -> KeptCalibration:
+    """What the next flight starts with, widened by what changes between two flights; its heading error is another."""
+    delay, heading, (x, y, z) = statuses[CAMERA_DELAY], statuses[HEADING], statuses[MOUNT]
+    return KeptCalibration(
+        time_offset_s=delay.estimate,
+        time_offset_sigma_s=hypot(delay.sigma, STORED_DELAY_SIGMA_S),
+        mount=(-x.estimate, -y.estimate, -z.estimate),
+        mount_sigma=(
+            hypot(x.sigma, STORED_MOUNT_SIGMA_RAD),
+            hypot(y.sigma, STORED_MOUNT_SIGMA_RAD),
+            hypot(z.sigma, STORED_MOUNT_SIGMA_RAD, heading.sigma),
+        ),
+    )

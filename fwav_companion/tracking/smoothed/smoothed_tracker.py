@@ -1,0 +1,215 @@
+"""The tracker whose targets and gates are the smoother's.
+
+Tracks begin, are confirmed, coast and end by the rules of ``tracking``. A confirmed track's detections go to the
+smoother, those from before its confirmation, too. From the first solve that holds a target on, its gate, its place and
+its covariance are the live filter's; before, they are those of a filter of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from fwav_companion.estimation.errors import SampleNoise
+from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.ground import TargetPrior
+from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.solve import Estimate, SolveTask
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.self_calibrated import TargetChoice
+from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
+from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, SampleSource, sightings_of
+from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
+from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedChoice
+from fwav_companion.tracking.snapshot import Snapshot
+from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.tracking.tracker import Tracker
+from fwav_companion.types import ErrorPriors, FrameView, Reason, Track, VehicleState
+
+TAKE_OVER_S = 0.5
+"""Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
+and longer than a solve takes on a small board."""
+MOST_WAITING = 64
+"""Detections of a tentative track that are kept for the smoother."""
+STAMP_SIGMA_S = 0.0007
+"""One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
+NOISE_RATIO = 1.2
+"""Change of the receiver's own accuracy that changes the smoother's prior of the wander."""
+
+Solver = Callable[[SolveTask], Callable[[], Estimate]]
+"""Starts a solve; the returned function gives its estimate, and waits for it where need be."""
+
+
+def in_line(task: SolveTask) -> Callable[[], Estimate]:
+    """Solve when the estimate is asked for, once."""
+    found: list[Estimate] = []
+
+    def estimate() -> Estimate:
+        if not found:
+            found.append(task.run())
+        return found[0]
+
+    return estimate
+
+
+class PendingSolve(msgspec.Struct, frozen=True):
+    """A solve that was started and is not yet taken over."""
+
+    due_s: float
+    estimate: Callable[[], Estimate]
+
+
+@dataclass
+class Smoothing:
+    """The smoother between two frames."""
+
+    estimator: Estimator
+    pending: PendingSolve | None
+    waiting: dict[int, tuple[Sightings, ...]]
+    """Detections of tentative tracks, by track id."""
+    renamed: frozenset[int] = frozenset()
+    """Ids of merged tracks whose detections are counted as the senior's."""
+
+    def copy(self) -> Smoothing:
+        """A snapshot."""
+        return replace(self, estimator=self.estimator.copy(), waiting=dict(self.waiting))
+
+
+class SmoothedTracker(Tracker):
+    """Tracks targets through frames in capture order."""
+
+    __slots__ = ("_answers", "_consider", "_host_ns", "_kept", "_priors", "_samples", "_sights", "_smoothing", "_solver")
+
+    def __init__(
+        self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
+        kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = in_line, patience_ns: int = 0,
+    ) -> None:  # fmt: skip
+        """``consider``: no self-calibration; the priors of all parameters count in every covariance."""
+        super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
+        self._priors, self._kept, self._consider, self._solver = priors, kept, consider, solver
+        self._samples = FlightSamples(source, lever_m)
+        self._smoothing = self._begin_smoothing()
+        self._answers: FrameAnswers | None = None
+        self._sights: Sightings | None = None
+        self._host_ns = HostNs(0)
+
+    def _begin_smoothing(self) -> Smoothing:
+        noise = sample_noise(self._priors, None, STAMP_SIGMA_S)
+        estimator = Estimator(shared_priors(self._priors, self._kept), noise, consider=self._consider)
+        return Smoothing(estimator, None, {})
+
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """The report of self-calibration; None without it."""
+        return None if self._consider else smoothed_report(self._smoothing.estimator, self._host_ns)
+
+    def snapshot(self) -> Snapshot:
+        """The present state, for :meth:`restore`."""
+        return msgspec.structs.replace(self._state, smoothing=self._smoothing.copy())
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Return to an earlier state, ids included: the same frames then give the same tracks again."""
+        assert isinstance(snapshot.smoothing, Smoothing)
+        self._state, self._smoothing = snapshot, snapshot.smoothing.copy()
+
+    def on_frame(self, view: FrameView) -> tuple[Track, ...]:
+        """All tracks after this frame, by id. A track that this frame deleted is included once."""
+        smoothing, t = self._smoothing, s_from_ns(view.boot_ns)
+        estimator, self._host_ns = smoothing.estimator, view.host_ns
+        self._samples.feed(estimator)
+        if smoothing.pending is not None and t >= smoothing.pending.due_s:
+            estimator.adopt(smoothing.pending.estimate())
+            smoothing.pending = None
+        self._follow_receiver(view)
+        self._answers = FrameAnswers(estimator, t, view)
+        self._sights = sightings_of(view.frame, view.fixes) if view.fixes else None
+        if self._sights is not None:
+            prediction = estimator.predict(self._sights)
+            if prediction is not None:
+                self._answers.add_gates(view.fixes, prediction)
+        return super().on_frame(view)
+
+    def _follow_receiver(self, view: FrameView) -> None:
+        """Take the receiver's own accuracy as the prior of its wander, from the next solve on."""
+        state, estimator = view.vehicle, self._smoothing.estimator
+        if state is None:
+            return
+        noise: SampleNoise = estimator.model.noise
+        new = sample_noise(self._priors, state.position_bias_m, max(STAMP_SIGMA_S, state.stamp_sigma_s))
+        old_m, new_m = noise.position_wander_m + 1e-3, new.position_wander_m + 1e-3
+        if not 1.0 / NOISE_RATIO < new_m / old_m < NOISE_RATIO:
+            estimator.model = replace(estimator.model, noise=new)
+
+    def _choice(self, vehicle: VehicleState | None = None) -> TargetChoice:
+        if self._answers is None:
+            return TargetChoice(None, None, False, vehicle)
+        return SmoothedChoice(None, None, False, vehicle, frame=self._answers)
+
+    def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> None:
+        """Hand the frame's detections of confirmed tracks to the smoother, and start a solve where one is due."""
+        smoothing, sights = self._smoothing, self._sights
+        estimator = smoothing.estimator
+        self._rename(living)
+        if sights is not None:
+            index = {id(fix): i for i, fix in enumerate(view.fixes)}
+            taught: list[tuple[int, int]] = []
+            confirmed = {track.id for track in self._teachers(living, view.host_ns)}
+            for track in living:
+                if track.fix is None or track.id <= 0 or not _is_usable(track):
+                    continue
+                i = index[id(track.fix)]
+                if track.id in confirmed:
+                    self._release(track)
+                    taught.append((i, track.id))
+                else:
+                    own = sights.select(np.array([i])).with_targets(np.array([track.id]))
+                    before = smoothing.waiting.get(track.id, ())
+                    smoothing.waiting[track.id] = (*before, own)[-MOST_WAITING:]
+            if taught:
+                taught.sort()
+                rows, targets = np.array(taught, np.int64).T
+                estimator.update(sights.select(rows).with_targets(targets))
+        live = {track.id for track in living}
+        smoothing.waiting = {k: each for k, each in smoothing.waiting.items() if k in live}
+        now = s_from_ns(view.boot_ns)
+        if smoothing.pending is None and estimator.is_solve_due(now):
+            task = estimator.start_solve(now)
+            smoothing.pending = PendingSolve(now + TAKE_OVER_S, self._solver(task))
+
+    def _release(self, track: LiveTrack) -> None:
+        """Hand over the detections of a track from before its confirmation."""
+        waiting = self._smoothing.waiting.pop(track.id, ())
+        for sights in waiting:
+            self._smoothing.estimator.update(sights)
+        height_m, sigma_m = track.last_fix.sighting.anchor_height_m, track.last_fix.sighting.anchor_sigma_m
+        if height_m or sigma_m:
+            prior = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
+            self._smoothing.estimator.targets[track.id] = prior
+
+    def _rename(self, living: tuple[LiveTrack, ...]) -> None:
+        smoothing = self._smoothing
+        for track in living:
+            for old in track.replaces:
+                if old not in smoothing.renamed:
+                    smoothing.estimator.rename(old, track.id)
+                    smoothing.renamed |= {old}
+
+    def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
+        """Delete every track, as of the newest frame; their ids are not used again."""
+        reported = super().drop_all(reason, view)
+        self._samples.restart()
+        self._smoothing = self._begin_smoothing()
+        self._answers = None
+        return reported
+
+
+def _is_usable(track: LiveTrack) -> bool:
+    """Whether the smoother may use the track's fix: a world with positions."""
+    return track.fix is not None and not track.fix.sighting.relative
+
