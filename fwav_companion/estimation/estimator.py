@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections import deque
 from collections.abc import Mapping
-import copy
 
 import numpy as np
 

@@ -27,6 +27,34 @@ class FramePrediction:
         """Rows of pairs in the residual and the covariance."""
         return np.concatenate([pairs, pairs + len(self.target)])
 
+    def given(self, pairs: Ints) -> FramePrediction:
+        """The prediction when these pairs are known to be right: what they show of the shared errors is known, too.
+
+        Other pairs of the same detections or targets keep a residual that agrees with no displacement of the frame.
+        """
+        rows = self.rows(pairs)
+        cross = self.covariance[:, rows]  # (2 M, 2 P)
+        gain = np.linalg.solve(self.covariance[np.ix_(rows, rows)], cross.T).T
+        residual, covariance = self.residual - gain @ self.residual[rows], self.covariance - gain @ cross.T
+        m = len(self.target)
+        diagonal = np.arange(2 * m)
+        known = np.zeros(m, np.bool_)
+        known[pairs] = True
+        covariance[diagonal, diagonal] += np.tile(known, 2) * 1.0  # of themselves nothing is left
+        distance2, log_det = pair_distances(residual, covariance)
+        return FramePrediction(
+            self.detection, self.target, residual, covariance, np.where(known, self.distance2, distance2),
+            np.where(known, self.log_det, log_det), self.visible,
+        )  # fmt: skip
+
+    def unambiguous(self) -> Ints:
+        """Pairs in the gate whose detection and target have no other pair in the gate."""
+        gated = np.flatnonzero(self.visible & (self.distance2 < GATE2))
+        detection, target = self.detection[gated], self.target[gated]
+        one = (detection[:, None] == detection).sum(0) == 1
+        other = (target[:, None] == target).sum(0) == 1
+        return np.asarray(gated[one & other])
+
     def joint_distance2(self, pairs: Ints) -> tuple[float, float]:
         """Squared distance of several pairs together, and the log determinant of their covariance.
 

@@ -56,7 +56,11 @@ class LiveFilter:
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
         other = copy.copy(self)
-        other.mean, other.covariance, other.other_mean = self.mean.copy(), self.covariance.copy(), self.other_mean.copy()
+        other.mean, other.covariance, other.other_mean = (
+            self.mean.copy(),
+            self.covariance.copy(),
+            self.other_mean.copy(),
+        )
         other.other_covariance, other.other_cross = self.other_covariance.copy(), self.other_cross.copy()
         return other
 

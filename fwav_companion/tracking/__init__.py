@@ -13,4 +13,13 @@ from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker
 
-__all__ = ["Reorder", "Settled", "Tracker", "TrackingOptions", "bias_shares", "make_tracker", "smoothed_tracker", "tracker_with"]
+__all__ = [
+    "Reorder",
+    "Settled",
+    "Tracker",
+    "TrackingOptions",
+    "bias_shares",
+    "make_tracker",
+    "smoothed_tracker",
+    "tracker_with",
+]

@@ -58,7 +58,9 @@ class TracksAndFixes(msgspec.Struct, frozen=True):
         Where they are nonlinear, the wing beat displaces the fixes of each frame differently.
         """
         first = self.candidates[0].target
-        return first.model.errors if isinstance(first, StandingTargetState) else None
+        if not all([isinstance(candidate.target, StandingTargetState) for candidate in self.candidates]):
+            return None  # a moving target has none; the smoother's gates are already joint ones
+        return cast("StandingTargetState", first).model.errors
 
     def cost(self, i: int, j: int, gated: GateResult, *, gate: float = GATE) -> float | None:
         """The cost of candidate i with fix j, lower is better; None outside the gate.

@@ -15,9 +15,6 @@ from fwav_companion.geometry.stamps import BootNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, cross
 from fwav_companion.types import AttitudeSample, GroundFix, Unpaired, VehicleState
 
-LONGEST_GAP_S = 1.5
-"""Gap of the positions after which a new piece of the path begins."""
-
 
 class SampleSource(Protocol):
     """The vehicle's samples as sent."""
@@ -90,7 +87,7 @@ def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
 
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:
-    """Rows (2, 3, D) from a direction to pixels over their sigma (2, D): the pseudo-inverse of the derivatives (3, D)."""
+    """Rows (2, 3, D) from a direction to pixels over their sigma (2, D): a pseudo-inverse."""
     uu, uv, vv = (u * u).sum(0), (u * v).sum(0), (v * v).sum(0)
     rows = np.stack([vv * u - uv * v, uu * v - uv * u]) / (uu * vv - uv * uv)  # (2, 3, D)
     return np.asarray(rows / sigma[:, None])

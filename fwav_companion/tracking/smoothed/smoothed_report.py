@@ -49,9 +49,7 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
     )
 
 
-def _status(
-    estimator: Estimator, statuses: tuple[ParameterStatus, ...]
-) -> tuple[CalibrationStatus, str | None]:
+def _status(estimator: Estimator, statuses: tuple[ParameterStatus, ...]) -> tuple[CalibrationStatus, str | None]:
     if estimator.live is None:
         return CalibrationStatus.WAITING, "no target was seen long enough with a global position"
     if is_calibrated(statuses):

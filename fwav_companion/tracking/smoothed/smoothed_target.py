@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import log, pi, prod
 
 import msgspec
 
 from fwav_companion.estimation.answers import TargetAnswer
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.frame_prediction import FramePrediction
+from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.tracking.clutter import noise_area_px2
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_state import LiveTrack
@@ -35,14 +37,22 @@ class FrameAnswers:
         self._gates: dict[tuple[int, int], GateResult] = {}
 
     def add_gates(self, fixes: Sequence[GroundFix], prediction: FramePrediction) -> None:
-        """Add the gating statistics of the frame's pairs. The noise of a detection is the unit of its residual."""
+        """Add the gating statistics of the frame's pairs; of those with a rival, given the pairs without one.
+
+        Targets that are displaced alike by a shared error are one surprise: a pair must agree with the others'.
+        """
+        certain = prediction.unambiguous()
+        if len(certain) and len(certain) < int((prediction.distance2 < GATE2).sum()):
+            prediction = prediction.given(certain)
+        # A detection's pixel noise is the unit of its residual; clutter is compared with all of a fix's own noise.
+        own = [2.0 * log(noise_area_px2(fix) / (2.0 * pi * prod(fix.sighting.pixel_sigma))) for fix in fixes]
         rows = zip(
             prediction.detection.tolist(), prediction.target.tolist(), prediction.visible.tolist(),
             prediction.distance2.tolist(), prediction.log_det.tolist(), strict=True,
         )  # fmt: skip
         for detection, target, visible, distance2, log_det in rows:
             if visible:
-                self._gates[target, id(fixes[detection])] = GateResult(distance2, log_det)
+                self._gates[target, id(fixes[detection])] = GateResult(distance2, log_det - own[detection])
 
     def gate(self, target: int, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix of this frame."""

@@ -84,7 +84,17 @@ class Smoothing:
 class SmoothedTracker(Tracker):
     """Tracks targets through frames in capture order."""
 
-    __slots__ = ("_answers", "_consider", "_host_ns", "_kept", "_priors", "_samples", "_sights", "_smoothing", "_solver")
+    __slots__ = (
+        "_answers",
+        "_consider",
+        "_host_ns",
+        "_kept",
+        "_priors",
+        "_samples",
+        "_sights",
+        "_smoothing",
+        "_solver",
+    )
 
     def __init__(
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
@@ -115,8 +125,9 @@ class SmoothedTracker(Tracker):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to an earlier state, ids included: the same frames then give the same tracks again."""
-        assert isinstance(snapshot.smoothing, Smoothing)
-        self._state, self._smoothing = snapshot, snapshot.smoothing.copy()
+        self._state = snapshot
+        if isinstance(snapshot.smoothing, Smoothing):
+            self._smoothing = snapshot.smoothing.copy()
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
@@ -212,4 +223,3 @@ class SmoothedTracker(Tracker):
 def _is_usable(track: LiveTrack) -> bool:
     """Whether the smoother may use the track's fix: a world with positions."""
     return track.fix is not None and not track.fix.sighting.relative
-
