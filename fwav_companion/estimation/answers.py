@@ -12,7 +12,9 @@ from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, N
 Status = Literal["calibrated", "waiting", "contradicts"]
 CONTRADICTION_SIGMAS = 4.0
 CALIBRATED_SHARE = 0.5  # of the prior's sigma
-_NEGLIGIBLE = np.array([1e-3, *[1e-3] * 3, *[1e-3] * 3, 0.02, 1e-3, *[0.01] * 3, 1e-3, 1e-3])  # sigmas that need none
+_NEGLIGIBLE = np.array(
+    [1e-3, *[1e-3] * 3, *[1e-3] * 3, 0.02, 1e-3, *[0.01] * 3, 2e-3, 1e-3, 1e-3]
+)  # sigmas that need none
 
 
 @dataclass(frozen=True)

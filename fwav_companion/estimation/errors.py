@@ -24,14 +24,15 @@ PITCH: Final = 6  # rad, the attitude's pitch, about the level axis to the right
 HEIGHT: Final = 7  # m, constant part of the height's error
 POSITION_DELAY: Final = 8  # s, the position's stamps
 LEVER: Final = slice(9, 12)  # m, carrier axes: minus the vector from the reported position to the camera
-BODY_SHARED: Final = 12
-GIMBAL_HEADING: Final = 12  # rad, the gimbal's own heading; only where a gimbal is configured
-GIMBAL_DELAY: Final = 13  # s, the gimbal's stamps
-GIMBAL_SHARED: Final = 14
+READOUT: Final = 12  # s, from the first row to the last; a sighting's share is its row's part of it
+BODY_SHARED: Final = 13
+GIMBAL_HEADING: Final = 13  # rad, the gimbal's own heading; only where a gimbal is configured
+GIMBAL_DELAY: Final = 14  # s, the gimbal's stamps
+GIMBAL_SHARED: Final = 15
 
 NAMES: Final = (
     "camera_delay_s", "mount_x_rad", "mount_y_rad", "mount_z_rad", "heading_rad", "roll_rad", "pitch_rad", "height_m",
-    "position_delay_s", "lever_x_m", "lever_y_m", "lever_z_m", "gimbal_heading_rad", "gimbal_delay_s",
+    "position_delay_s", "lever_x_m", "lever_y_m", "lever_z_m", "readout_s", "gimbal_heading_rad", "gimbal_delay_s",
 )  # fmt: skip
 
 LEAST_SIGMA: Final = 1e-7  # a prior of zero becomes this: the matrices stay regular, no claim becomes zero by it
@@ -43,14 +44,14 @@ _STORED: Final = np.array([CAMERA_DELAY, 1, 2, 3, POSITION_DELAY, 9, 10, 11])
 
 @dataclass(frozen=True)
 class SharedPriors:
-    """Means and standard deviations (S,) of the shared parameters; S is 12, or 14 with a gimbal."""
+    """Means and standard deviations (S,) of the shared parameters; S is 13, or 15 with a gimbal."""
 
     mean: Array
     sigma: Array
 
     def __post_init__(self) -> None:
         if self.mean.shape != self.sigma.shape or len(self.mean) not in (BODY_SHARED, GIMBAL_SHARED):
-            raise ValueError(f"priors of {self.mean.shape} and {self.sigma.shape} parameters, not of 12 or 14")
+            raise ValueError(f"priors of {self.mean.shape} and {self.sigma.shape} parameters, not of 13 or 15")
         if not (np.isfinite(self.mean).all() and np.isfinite(self.sigma).all() and (self.sigma >= 0).all()):
             raise ValueError("a prior is not a finite mean with a finite sigma of zero or more")
         object.__setattr__(self, "sigma", np.maximum(self.sigma, LEAST_SIGMA))
@@ -81,13 +82,14 @@ class SampleNoise:
 def priors(
     *, camera_delay_s: float = 0.05, mount_rad: float = 0.0175, heading_rad: float = 0.035, tilt_rad: float = 0.0087,
     height_m: float = 0.5, position_delay_s: float = 0.0, lever_arm_m: float = 0.0,
-    gimbal: tuple[float, float] | None = None,
+    readout_s: float = 0.0, gimbal: tuple[float, float] | None = None,
 ) -> SharedPriors:  # fmt: skip
     """Zero-mean priors; `gimbal`: sigmas of its heading (rad) and of its delay (s)."""
     sigma = np.zeros(BODY_SHARED if gimbal is None else GIMBAL_SHARED)
     sigma[CAMERA_DELAY], sigma[MOUNT], sigma[HEADING] = camera_delay_s, mount_rad, heading_rad
     sigma[[ROLL, PITCH]] = tilt_rad
     sigma[HEIGHT], sigma[POSITION_DELAY], sigma[LEVER] = height_m, position_delay_s, lever_arm_m
+    sigma[READOUT] = readout_s
     if gimbal is not None:
         sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal
     return SharedPriors(np.zeros_like(sigma), sigma)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import rotation_and_jacobian
-from fwav_companion.estimation.errors import CAMERA_DELAY, Array, Bools, Ints
+from fwav_companion.estimation.errors import CAMERA_DELAY, READOUT, Array, Bools, Ints
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
@@ -72,11 +72,11 @@ def cluster(
     back = rotation_and_jacobian(-turn)[0]
     rays = back @ s.rays
     tangents = np.einsum("ian,ba->ibn", s.tangents, back)
-    instants = s.t - shared[CAMERA_DELAY]
+    instants = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT]
     poses = carrier.poses(instants, carrier.rates(instants), attitude_shift(shared))
     ground = float(model.ground.height(poses.position[:2, :1])[0][0])
     place, meets = feet(poses, rays, shared, error[:, None], ground)
-    spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error)
+    spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s.row)
     clusters = _greedy(place, spread, meets, s.frame)
     explained = sum(len(c.members) for c in clusters)
     score = explained - _CLUSTER_COST * len(clusters) - (_TURN_COST if turn.any() else 0.0)
@@ -85,11 +85,11 @@ def cluster(
 
 def _foot_covariances(
     model: Model, poses: Poses, rays: Array, tangents: Array, shared: Array, covariance: Array, place: Array,
-    ground: float, error: Array,
+    ground: float, error: Array, row: Array,
 ) -> Array:  # fmt: skip
     """Covariances (2, 2, N) of ground points: the detection's noise, the frame's, and the shared parameters'."""
     point = np.concatenate([place, np.full((1, place.shape[1]), ground)])
-    found = project(poses, rays, tangents, shared, point, error[:, None])
+    found = project(poses, rays, tangents, shared, point, error[:, None], row)
     g = common_noise(found, model.noise)
     known = np.tensordot(covariance, found.shared, (1, 1)).swapaxes(0, 1)  # (2, S, N)
     s = np.einsum("ian,jan->ijn", g, g) + np.einsum("ian,jan->ijn", found.shared, known)

@@ -29,6 +29,7 @@ class Sightings:
     tangents: Array  # (2, 3, N) standardised units (noise of one) for a direction across the ray
     frame: Ints  # (N,) one number a frame, growing
     target: Ints  # (N,) -1: none
+    row: Array  # (N,) share of the readout at which the row was exposed; 0: a global shutter
 
     def __len__(self) -> int:
         return len(self.t)
@@ -38,11 +39,13 @@ class Sightings:
         if which.dtype == np.bool_ and bool(which.all()):
             return self
         i = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        return Sightings(self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i])
+        return Sightings(
+            self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i], self.row[i]
+        )
 
     def with_targets(self, target: Ints) -> Sightings:
         """The same detections, of other targets."""
-        return Sightings(self.t, self.rays, self.tangents, self.frame, target)
+        return Sightings(self.t, self.rays, self.tangents, self.frame, target, self.row)
 
 
 def frame_of(number: int, t: Array, rays: Array, tangents: Array) -> Sightings:
@@ -53,7 +56,7 @@ def frame_of(number: int, t: Array, rays: Array, tangents: Array) -> Sightings:
     if len(index) > KEPT_OF_FRAME:
         index = index[np.linspace(0, len(index) - 1, KEPT_OF_FRAME).astype(np.int64)]
     none = np.full(len(t), -1, np.int64)
-    return Sightings(t, rays, tangents, np.full(len(t), number, np.int64), none).select(index)
+    return Sightings(t, rays, tangents, np.full(len(t), number, np.int64), none, np.zeros(len(t))).select(index)
 
 
 def joined(parts: Sequence[Sightings]) -> Sightings:
@@ -66,6 +69,7 @@ def joined(parts: Sequence[Sightings]) -> Sightings:
         np.concatenate([p.tangents for p in parts], -1),
         np.concatenate([p.frame for p in parts]),
         np.concatenate([p.target for p in parts]),
+        np.concatenate([p.row for p in parts]),
     )
 
 

@@ -11,7 +11,7 @@ import copy
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, READOUT, Array, Ints
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, pair_distances
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
@@ -22,6 +22,7 @@ from fwav_companion.estimation.smoother import common_noise
 from fwav_companion.estimation.wander import Wander, step_variance
 
 TEACHING = 10  # targets whose sightings update the shared parameters
+_ONE_INSTANT_S = 1e-6
 _FEW_PAIRS, _NEAREST = 24, 3
 _SHORT_S = 0.5  # gap up to which the error is a random walk
 
@@ -78,10 +79,11 @@ class LiveFilter:
 
     def poses(self, s: Sightings, detection: Ints) -> Poses:
         """Poses of a frame's detections (M,): one pose, or with a rolling shutter that of each detection's row."""
-        if s.t[0] == s.t.max() == s.t.min():
-            return self.pose(float(s.t[0]))
         shared = self.mean[: self.size]
-        t = s.t - float(shared[CAMERA_DELAY])
+        t = s.t - s.row * float(shared[READOUT])
+        if t.max() - t.min() < _ONE_INSTANT_S:
+            return self.pose(float(t[0]))
+        t -= float(shared[CAMERA_DELAY])
         shift = attitude_shift(shared)
         return Poses(*(a.take(detection, -1) for a in self.carrier.poses(t, self.carrier.live_rates(t + shift), shift)))
 
@@ -137,7 +139,9 @@ class LiveFilter:
         mean[2] += self.model.ground.height(mean[:2])[0]
         rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
         point, error = np.tile(mean, len(s)), self.mean[self._errors, None]
-        found = project(self.poses(s, detection), rays, tangents, self.mean[: self.size], point, error)
+        found = project(
+            self.poses(s, detection), rays, tangents, self.mean[: self.size], point, error, s.row.take(detection)
+        )
         far = np.where(found.visible, (found.residual**2).sum(0), np.inf).reshape(len(s), -1)
         nearest = np.argsort(far, axis=1, kind="stable")[:, :_NEAREST]
         return np.repeat(np.arange(len(s)), nearest.shape[1]), targets[nearest.ravel()]
@@ -149,7 +153,15 @@ class LiveFilter:
         ground, slope = self.model.ground.height(mean[:2])
         point = np.stack([mean[0], mean[1], mean[2] + ground])
         rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
-        found = project(self.poses(s, detection), rays, tangents, x[: self.size], point, x[self._errors, None])
+        found = project(
+            self.poses(s, detection),
+            rays,
+            tangents,
+            x[: self.size],
+            point,
+            x[self._errors, None],
+            s.row.take(detection),
+        )
         h = np.zeros((2, m, len(x)))
         h[..., : self.size] = found.shared.swapaxes(1, 2)
         h[..., self.error :] = found.point.swapaxes(1, 2)

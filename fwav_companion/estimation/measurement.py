@@ -25,6 +25,7 @@ from fwav_companion.estimation.errors import (
     MOUNT,
     PITCH,
     POSITION_DELAY,
+    READOUT,
     ROLL,
     Array,
     Bools,
@@ -60,12 +61,14 @@ class Projection(NamedTuple):
     point: Array  # (2, 3, M) by the apparent north, east and height
 
 
-def project(poses: Poses, rays: Array, tangents: Array, shared: Array, target: Array, error: Array) -> Projection:
+def project(
+    poses: Poses, rays: Array, tangents: Array, shared: Array, target: Array, error: Array, row: Array
+) -> Projection:
     """Predict sightings of targets and differentiate.
 
     poses: at the sightings' stamps minus the camera's delay; rays: (3, M) observed; tangents: (2, 3, M), from a
     direction to standardised units across the ray; shared: (S,); target: (3, M) true north, east, height; error:
-    (3, M) or (3, 1) the position's error north, east, up.
+    (3, M) or (3, 1) the position's error north, east, up; row: (M,) share of the readout at the sighting's row.
     """
     count = rays.shape[1]
     camera = poses.position + poses.velocity * shared[POSITION_DELAY] - error  # (3, N or M) true, but for the lever
@@ -107,6 +110,7 @@ def project(poses: Poses, rays: Array, tangents: Array, shared: Array, target: A
     moved = (point * poses.calm_velocity).sum(1)  # (2, M) by a second of the vehicle's motion
     # The pose is that of stamp - delay: a later delay turns the carrier back and moves it back.
     columns[:, CAMERA_DELAY] += moved
+    columns[:, READOUT] = columns[:, CAMERA_DELAY] * row
     columns[:, HEIGHT] = point[:, 2]
     columns[:, POSITION_DELAY] = -moved
     columns[:, LEVER] = apply(by_ned, poses.rotation)

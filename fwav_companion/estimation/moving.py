@@ -17,6 +17,7 @@ from fwav_companion.estimation.measurement import feet, project
 from fwav_companion.estimation.smoother import common_noise
 
 _FIRST_PLACE_M, _FIRST_SPEED_M_S = 10.0, 3.0  # prior about the first sighting's ground point
+_ONE = np.zeros(1, np.int64)
 ACCELERATION_M_S2 = 0.5  # white, over one second: a person on foot
 
 
@@ -75,7 +76,7 @@ class MovingTarget:
         index = self._index(live)
         error = np.array([[0.0], [0.0], [live.mean[live.error + 2]]])
         point = np.append(self.state[:2], self._ground(live, self.state[:2]))[:, None]
-        found = project(live.pose(self.t), s.rays, s.tangents, live.mean[: live.size], point, error)
+        found = project(live.poses(s, _ONE), s.rays, s.tangents, live.mean[: live.size], point, error, s.row)
         h = np.zeros((2, 4))
         h[:, :2] = found.point[:, :2, 0]
         g = common_noise(found, live.model.noise)[..., 0]

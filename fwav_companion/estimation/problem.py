@@ -16,6 +16,7 @@ from fwav_companion.estimation.errors import (
     CAMERA_DELAY,
     GIMBAL_DELAY,
     GIMBAL_SHARED,
+    READOUT,
     Array,
     Ints,
     SampleNoise,
@@ -84,7 +85,8 @@ class Problem:
         self.errors_at = self.shared_size + TARGET_SIZE * len(self.ids)
         self.size = self.errors_at + 3 * len(knots)
         self.of_target = self.ids.searchsorted(s.target)
-        self.instants, self.of_instant = np.unique(s.t, return_inverse=True)
+        moments, self.of_instant = np.unique(s.t + 1j * s.row, return_inverse=True)  # rows of a frame differ
+        self.instants, self.rows = moments.real, moments.imag
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
@@ -143,9 +145,10 @@ class Problem:
     def poses(self, shared: Array) -> Poses:
         """Poses (N) of all sightings' instants."""
         delay, shift = float(shared[CAMERA_DELAY]), attitude_shift(shared)
+        instants = self.instants - delay - self.rows * float(shared[READOUT])
         if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
-            self._rates = delay, self.carrier.rates(self.instants - delay + shift)
-        poses = self.carrier.poses(self.instants - delay, self._rates[1], shift)
+            self._rates = delay, self.carrier.rates(instants + shift)
+        poses = self.carrier.poses(instants, self._rates[1], shift)
         if len(self.instants) == len(self.s):
             return poses
         return Poses(*(a.take(self.of_instant, -1) for a in poses))
@@ -157,7 +160,7 @@ class Problem:
         ground, slope = self.model.ground.height(places[:2])
         points = np.stack([places[0], places[1], places[2] + ground]).take(self.of_target, 1)
         error = self.error_at_sightings(state.errors)
-        found = project(poses, self.s.rays, self.s.tangents, state.shared, points, error)
+        found = project(poses, self.s.rays, self.s.tangents, state.shared, points, error, self.s.row)
         without_path_noise(found, self._path_noise(state.shared, poses, kernel), poses.rotation)
         self.slope = slope.take(self.of_target, 1)
         return found

@@ -53,7 +53,8 @@ def replay(
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
     ``own_filter`` replaces the filter of [tracking] filter. ``limits``: the summary has, by track, the horizontal
-    variance that each live target would lose if one cause of its error were known, m^2. ``smooths``: the smoother estimates.
+    variance that each live target would lose if one cause of its error were known, m^2. ``smooths``: the smoother
+    estimates.
     """
     pipeline = make_pipeline(
         _config_for(recording, config),

@@ -74,6 +74,10 @@ class HermiteSeries:
         """Instants of the samples later than this one, in order."""
         return self._times[bisect_right(self._times, boot_ns) :]
 
+    def begins_piece(self, boot_ns: BootNs) -> bool:
+        """Whether the values jumped at the sample of this instant."""
+        return boot_ns in self._splits
+
     def at(self, boot_ns: BootNs) -> HermitePoint | None:
         """Values at the instant; None where no sample is near."""
         index = bisect_right(self._times, boot_ns)

@@ -178,8 +178,8 @@ class Telemetry:
         """Stored attitudes later than the instant, as sent, in order of time."""
         return self._kept.attitudes_after(boot_ns)
 
-    def positions_after(self, boot_ns: BootNs) -> list[BootNs]:
-        """Instants of the stored positions later than the instant, in order of time."""
+    def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
+        """Instants of the stored positions later than the instant, in order, and whether the position jumped there."""
         return self._kept.positions_after(boot_ns)
 
     def ready_for(self, boot_ns: BootNs) -> bool:

@@ -103,9 +103,9 @@ class VehicleHistory:
         """Stored attitudes later than the instant, in order of time."""
         return self.attitudes.after(boot_ns)
 
-    def positions_after(self, boot_ns: BootNs) -> list[BootNs]:
-        """Instants of the stored positions later than the instant, in order of time."""
-        return self.positions.times_after(boot_ns)
+    def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
+        """Instants of the stored positions later than the instant, in order, and whether the position jumped there."""
+        return [(each, self.positions.begins_piece(each)) for each in self.positions.times_after(boot_ns)]
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""

@@ -58,7 +58,7 @@ class TracksAndFixes(msgspec.Struct, frozen=True):
         Where they are nonlinear, the wing beat displaces the fixes of each frame differently.
         """
         first = self.candidates[0].target
-        if not all([isinstance(candidate.target, StandingTargetState) for candidate in self.candidates]):
+        if not all(isinstance(candidate.target, StandingTargetState) for candidate in self.candidates):
             return None  # a moving target has none; the smoother's gates are already joint ones
         return cast("StandingTargetState", first).model.errors
 

@@ -13,7 +13,7 @@ from simulated_flight import Flight, path
 from fwav_companion.estimation.errors import SampleNoise, priors
 
 PRIORS = priors(heading_rad=np.radians(2.0), tilt_rad=np.radians(0.5))
-LATE = np.array([0.035, 0.02, -0.01, 0.015, *[0.0] * 8])
+LATE = np.array([0.035, 0.02, -0.01, 0.015, *[0.0] * 9])
 FIVE, TEN = ((8.0, 3.0), (10.0, -2.0), (6.0, 0.0), (12.0, 4.0), (9.0, -5.0)), (-12.0, -4.0, 4.0, 12.0, 18.0)
 DESCENT = {"shape": "descent", "targets": ((0.6, 0.4),), "pitch_deg": 0.0, "seconds": 45.0}
 KINDS = {  # flight, wander m, jump m, s between frames
@@ -36,8 +36,8 @@ def one(kind, seed):
     shape = {"seconds": 40.0, "seed": seed, "targets": ((2.0, 3.0),), **shape}
     count = len(shape["targets"])
     flight = Flight(**shape, velocities=((0.0, 0.0),) * count, labels=("",) * count)
-    drawn = np.random.default_rng(seed).standard_normal(12) * PRIORS.sigma
-    errors = {"eight": LATE, "eight d": drawn}.get(kind, np.zeros(12))
+    drawn = np.random.default_rng(seed).standard_normal(13) * PRIORS.sigma
+    errors = {"eight": LATE, "eight d": drawn}.get(kind, np.zeros(13))
     planted = Planted(flight, errors, wander_m=wander, jump_m=jump, period_s=period)
     found = []
 

@@ -10,7 +10,7 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import frame_of
 
-LATE_AND_CROOKED = np.array([0.035, 0.02, -0.01, 0.015, 0.03, 0, 0, 0.3, 0, 0, 0, 0])
+LATE_AND_CROOKED = np.array([0.035, 0.02, -0.01, 0.015, 0.03, 0, 0, 0.3, 0, 0, 0, 0, 0])
 TURNS = Flight(seconds=20.0, fps=13.0, shape="turns", height_m=10.0, pitch_deg=0.0, targets=((1.0, 2.0), (-1.5, 1.0)),
                velocities=((0.0, 0.0),) * 2, labels=("", ""))  # fmt: skip
 
@@ -117,7 +117,7 @@ def test_frames_between_start_and_take_over_are_replayed(calibrated):
 
 
 def test_consider_mode_keeps_the_configuration_and_claims_its_priors():
-    planted = Planted(TURNS, np.zeros(12))
+    planted = Planted(TURNS, np.zeros(13))
     estimator = flown(planted, priors(), consider=True)
     statuses = estimator.self_calibration()
     assert all(s.estimate == 0.0 and s.sigma == pytest.approx(s.prior_sigma) for s in statuses)
@@ -145,7 +145,7 @@ def test_a_delay_beyond_its_prior_contradicts_the_configuration():
 
 
 def test_stored_calibration_is_widened_and_never_beyond_the_configuration():
-    mean, sigma = np.full(12, 0.01), np.full(12, 0.001)
+    mean, sigma = np.full(13, 0.01), np.full(13, 0.001)
     mean[5] = np.nan
     prior = with_stored(priors(position_delay_s=0.05), mean, sigma)
     assert prior.sigma[CAMERA_DELAY] == pytest.approx(np.hypot(0.001, 0.002))

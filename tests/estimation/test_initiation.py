@@ -33,7 +33,7 @@ def seen():
 def turned(s, vector):
     """The sightings of a camera whose configured mount is wrong by a rotation vector."""
     rotation = Rotation.from_rotvec(vector).as_matrix()
-    return Sightings(s.t, rotation @ s.rays, np.einsum("ian,ba->ibn", s.tangents, rotation), s.frame, s.target)
+    return Sightings(s.t, rotation @ s.rays, np.einsum("ian,ba->ibn", s.tangents, rotation), s.frame, s.target, s.row)
 
 
 def purity(found, s):
@@ -44,9 +44,9 @@ def purity(found, s):
 
 def test_clusters_at_the_true_calibration_are_the_targets(seen):
     estimator, s = seen
-    shared = np.zeros(12)
+    shared = np.zeros(13)
     shared[0] = 0.04
-    found = cluster(estimator.model, estimator.carrier, s, shared, np.diag(np.full(12, 1e-8)), np.zeros(3))
+    found = cluster(estimator.model, estimator.carrier, s, shared, np.diag(np.full(13, 1e-8)), np.zeros(3))
     assert len(found.clusters) == 3
     assert purity(found, s) > 0.98
     places = sorted(tuple(c.place) for c in found.clusters)
@@ -75,8 +75,8 @@ def test_quarter_turns_are_different_rotations():
 def test_one_detection_of_a_frame_joins_a_cluster_once(seen):
     estimator, s = seen
     twice = joined([s.select(s.frame == k) for k in np.unique(s.frame).repeat(2)])
-    shared = np.zeros(12)
+    shared = np.zeros(13)
     shared[0] = 0.04
-    found = cluster(estimator.model, estimator.carrier, twice, shared, np.diag(np.full(12, 1e-8)), np.zeros(3))
+    found = cluster(estimator.model, estimator.carrier, twice, shared, np.diag(np.full(13, 1e-8)), np.zeros(3))
     for c in found.clusters:
         assert len(np.unique(twice.frame[c.members])) == len(c.members)

@@ -18,7 +18,7 @@ from fwav_companion.estimation.kept_sightings import frame_of
 
 PLANTED = (
     "camera delay", "mount x", "mount y", "mount z", "heading", "roll", "pitch", "height", "position delay", "lever x",
-    "lever y", "lever z",
+    "lever y", "lever z", "readout",
 )  # fmt: skip
 
 
@@ -27,7 +27,7 @@ class Planted:
     """A flight with errors; `wander` (north, east) of a receiver, one sigma."""
 
     flight: Flight
-    errors: np.ndarray = field(default_factory=lambda: np.zeros(12))
+    errors: np.ndarray = field(default_factory=lambda: np.zeros(13))
     wander_m: float = 0.0
     wander_s: float = 60.0
     position_noise_m: float = 0.02

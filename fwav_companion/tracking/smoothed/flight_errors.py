@@ -15,6 +15,7 @@ from fwav_companion.estimation.errors import (
     MOUNT,
     PITCH,
     POSITION_DELAY,
+    READOUT,
     ROLL,
     SampleNoise,
     SharedPriors,
@@ -35,6 +36,7 @@ _SOURCES = {
     LEVER.start: Bias.LEVER_X,
     LEVER.start + 1: Bias.LEVER_Y,
     LEVER.start + 2: Bias.LEVER_Z,
+    READOUT: Bias.READOUT,
 }
 """The bias of [uncertainty] behind each shared parameter."""
 

@@ -22,8 +22,8 @@ class SampleSource(Protocol):
     def attitudes_after(self, boot_ns: BootNs) -> list[AttitudeSample]:
         """Attitudes later than the instant, in order of time."""
 
-    def positions_after(self, boot_ns: BootNs) -> list[BootNs]:
-        """Instants of positions later than the instant, in order of time."""
+    def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
+        """Instants of positions later than the instant, in order, and whether the position jumped there."""
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
         """The state of the vehicle at this instant, or the reason why it is not known."""
@@ -48,15 +48,15 @@ class FlightSamples:
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(s_from_ns(sample.boot_ns), np.array(sample.ned_from_body))
             self._attitude_ns = sample.boot_ns
-        for boot_ns in self._source.positions_after(self._position_ns):
+        for boot_ns, jumped in self._source.positions_after(self._position_ns):
             if boot_ns > self._attitude_ns:
                 break  # its attitude, which places the camera, is still to come
             self._position_ns = boot_ns
             state = self._source.state_at(boot_ns)
             if isinstance(state, VehicleState):
-                self._add(estimator, state)
+                self._add(estimator, state, reset=jumped)
 
-    def _add(self, estimator: Estimator, state: VehicleState) -> None:
+    def _add(self, estimator: Estimator, state: VehicleState, *, reset: bool) -> None:
         """Add the camera's position: the vehicle's, moved by the lever arm. Its height is that above home."""
         position, velocity, height_m = state.position_ned, state.velocity_ned, state.height_above_home_m
         if position is None or velocity is None or height_m is None:
@@ -65,15 +65,16 @@ class FlightSamples:
         v_north, v_east, v_down = rotate(state.ned_from_body, cross(state.rates, self._lever_m))
         camera = np.array([position[0] + north, position[1] + east, height_m - down])
         moved = np.array([velocity[0] + v_north, velocity[1] + v_east, -velocity[2] - v_down])
-        estimator.add_position(s_from_ns(state.boot_ns), camera, moved)
+        estimator.add_position(s_from_ns(state.boot_ns), camera, moved, reset=reset)
 
 
 def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
     """The detections of a frame's fixes, in their order, without targets."""
-    rays, mounts, by_u, by_v, sigma, t = [], [], [], [], [], []
+    rays, mounts, by_u, by_v, sigma, t, rows = [], [], [], [], [], [], []
     for fix in fixes:
         sighting = fix.sighting
         t.append(s_from_ns(sighting.boot_ns))
+        rows.append(sighting.row_fraction)
         mounts.append(sighting.body_from_camera)
         rays.append(sighting.ray.direction)
         by_u.append(sighting.ray.d_du)
@@ -83,7 +84,7 @@ def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
     count, columns = len(fixes), np.array([rays, by_u, by_v]).reshape(3, len(fixes), 3)
     ray, u, v = np.einsum("dij,cdj->cid", mount, columns)  # (3, D) each, carrier axes
     frame, none = np.full(count, number, np.int64), np.full(count, -1, np.int64)
-    return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none)
+    return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows))
 
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:

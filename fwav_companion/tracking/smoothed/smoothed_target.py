@@ -31,8 +31,9 @@ class FrameAnswers:
         self._estimator, self.t = estimator, t
         self.vehicle_ned = view.vehicle_ned
         self.camera_from_vehicle: Vector3 = (0.0, 0.0, 0.0)
-        if view.fixes and view.vehicle_ned is not None:
-            camera, vehicle = view.fixes[0].sighting.camera_ned, view.vehicle_ned
+        at_row = view.fixes[0].sighting if view.fixes else None
+        if at_row is not None and at_row.state.position_ned is not None:
+            camera, vehicle = at_row.camera_ned, at_row.state.position_ned
             self.camera_from_vehicle = (camera[0] - vehicle[0], camera[1] - vehicle[1], camera[2] - vehicle[2])
         self._gates: dict[tuple[int, int], GateResult] = {}
 
