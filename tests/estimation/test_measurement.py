@@ -67,7 +67,7 @@ def test_residual_vanishes_at_the_planted_error(index):
     errors = np.zeros(13)
     errors[index] = SIZES[index]
     capture = 0.3
-    stamp = capture + errors[0]
+    stamp = capture + errors[0] + ROW[0] * errors[12]
     rays, tangents = observed(errors, capture)
     at_truth = project(poses_for(errors, stamp, errors), rays, tangents, errors, TARGETS, np.zeros((3, 1)), ROW)
     at_zero = project(poses_for(errors, stamp, 0 * errors), rays, tangents, 0 * errors, TARGETS, np.zeros((3, 1)), ROW)
@@ -87,7 +87,7 @@ def test_residual_vanishes_at_the_planted_gimbal_delay():
 @pytest.mark.parametrize("index", range(15), ids=NAMES)
 def test_jacobian_is_the_numerical_difference_by_a_shared_parameter(index):
     estimate = np.zeros(15)
-    estimate[:12] = 0.3 * SIZES
+    estimate[:13] = 0.3 * SIZES
     rays, tangents = observed(np.zeros(13), 0.3)
     tangents = tangents / 1000.0
 
@@ -125,7 +125,7 @@ def test_feet_are_the_targets_at_the_planted_error(index):
     errors[index] = SIZES[index]
     rays, _ = observed(errors, 0.3)
     level = TARGETS.copy()
-    poses = poses_for(errors, 0.3 + errors[0], errors)
+    poses = poses_for(errors, 0.3 + errors[0] + ROW[0] * errors[12], errors)
     for i in range(3):
         place, meets = feet(poses, rays, errors, np.zeros((3, 1)), float(level[2, i]))
         assert meets[i]
