@@ -8,9 +8,25 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fwav_companion.estimation.answers import ParameterStatus, TargetAnswer, parameter_statuses
+from fwav_companion.estimation.answers import (
+    CALIBRATED_SHARE,
+    ParameterStatus,
+    Status,
+    TargetAnswer,
+    parameter_statuses,
+)
 from fwav_companion.estimation.attitudes import Attitudes
-from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT, Array, Ints, SampleNoise, SharedPriors
+from fwav_companion.estimation.errors import (
+    BODY_SHARED,
+    HEIGHT,
+    MOUNT,
+    PITCH,
+    ROLL,
+    Array,
+    Ints,
+    SampleNoise,
+    SharedPriors,
+)
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
 from fwav_companion.estimation.kept_sightings import KEPT, Sightings, in_order, joined, thinned
@@ -262,6 +278,27 @@ class Estimator:
         size = len(priors)
         sigma = np.sqrt(live.covariance.diagonal()[:size])
         return parameter_statuses(priors, live.mean[:size], sigma, consider=self.model.consider)
+
+    def camera_tilt(self) -> tuple[ParameterStatus, ParameterStatus]:
+        """Rotation about the carrier's x and y axes by which the camera is wrong in all: mount and attitude together.
+
+        A constant tilt of the attitude turns the camera as the mount does. Only another bank or heading parts the two;
+        their sum is what places targets.
+        """
+        priors, live = self.model.priors, self.live
+        mean, covariance = (priors.mean, np.diag(priors.sigma**2)) if live is None else (live.mean, live.covariance)
+        found = []
+        for index, pair in enumerate(((MOUNT.start, ROLL), (MOUNT.start + 1, PITCH))):
+            rows = np.array(pair)
+            total, sigma = float(mean[rows].sum()), float(np.sqrt(covariance[np.ix_(rows, rows)].sum()))
+            prior = float(np.hypot(*priors.sigma[rows]))
+            known = sigma < CALIBRATED_SHARE * prior
+            reason = None if known else "a target seen from several sides"
+            name = ("mount_and_roll_rad", "mount_and_pitch_rad")[index]
+            prior_mean = float(priors.mean[rows].sum())
+            status: Status = "calibrated" if known else "waiting"
+            found.append(ParameterStatus(name, total, sigma, prior_mean, prior, status, reason))
+        return found[0], found[1]
 
     def stored(self) -> tuple[Array, Array]:
         """Means and sigmas (12,) for the next flight's priors, NaN before the first solve."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from fwav_companion.estimation.answers import ParameterStatus, is_calibrated
+from fwav_companion.estimation.answers import ParameterStatus
 from fwav_companion.estimation.errors import (
     CAMERA_DELAY,
     HEADING,
@@ -25,11 +25,14 @@ _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} |
 
 
 def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
-    """The report now. The mount is reported as a correction, the opposite of the smoother's sign."""
+    """The report now. The mount is reported as a correction, the opposite of the smoother's sign.
+
+    Its x and y count what the attitude is tilted: that is what the configuration must turn.
+    """
     statuses = estimator.self_calibration()
-    delay, height, mount = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT]
+    delay, height, z = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT][2]
+    x, y = estimator.camera_tilt()
     status, reason = _status(estimator, statuses)
-    x, y, z = mount
     return CalibrationReport(
         host_ns=host_ns,
         time_offset_s=delay.estimate,
@@ -45,27 +48,25 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
             for i, s in enumerate(statuses)
             if s.status == "contradicts" and i in _NAMED
         ),
-        keep=_kept(statuses) if status is CalibrationStatus.CALIBRATED else None,
+        keep=_kept(statuses, x, y) if status is CalibrationStatus.CALIBRATED else None,
     )
 
 
 def _status(estimator: Estimator, statuses: tuple[ParameterStatus, ...]) -> tuple[CalibrationStatus, str | None]:
     if estimator.live is None:
         return CalibrationStatus.WAITING, "no target was seen long enough with a global position"
-    if is_calibrated(statuses):
+    needed = (statuses[CAMERA_DELAY], *estimator.camera_tilt(), statuses[MOUNT][2])
+    missing = [s for s in statuses if s.status == "contradicts"] or [s for s in needed if s.status == "waiting"]
+    if not missing:
         return CalibrationStatus.CALIBRATED, None
-    needed = (statuses[CAMERA_DELAY], *statuses[MOUNT])
-    missing = [s for s in (*needed, *statuses) if s.status == "contradicts"] or [
-        s for s in needed if s.status == "waiting"
-    ]
-    reason = f"{missing[0].name}: {missing[0].reason}" if missing else None
+    reason = f"{missing[0].name}: {missing[0].reason}"
     known = statuses[CAMERA_DELAY].status == "calibrated"
     return (CalibrationStatus.TIME if known else CalibrationStatus.WAITING), reason
 
 
-def _kept(statuses: tuple[ParameterStatus, ...]) -> KeptCalibration:
+def _kept(statuses: tuple[ParameterStatus, ...], x: ParameterStatus, y: ParameterStatus) -> KeptCalibration:
     """What the next flight starts with, widened by what changes between two flights; its heading error is another."""
-    delay, heading, (x, y, z) = statuses[CAMERA_DELAY], statuses[HEADING], statuses[MOUNT]
+    delay, heading, z = statuses[CAMERA_DELAY], statuses[HEADING], statuses[MOUNT][2]
     return KeptCalibration(
         time_offset_s=delay.estimate,
         time_offset_sigma_s=hypot(delay.sigma, STORED_DELAY_SIGMA_S),
