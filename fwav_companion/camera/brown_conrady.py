@@ -10,9 +10,10 @@ Such a polynomial folds back on itself at some angle. A pixel then has two rays;
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan, cos, hypot, inf, isfinite, pi, radians, sin, sqrt, tan
+from math import atan, cos, hypot, inf, pi, radians, sin, sqrt, tan
 from typing import TypeAlias
 
+from fwav_companion.camera.lens_numbers import require_lens_numbers
 from fwav_companion.geometry.vectors import Vector3, add, scale
 from fwav_companion.types import NoRay, Ray
 
@@ -61,10 +62,7 @@ class BrownConrady:
         self.distortion = (k1, k2, p1, p2, k3, k4, k5, k6)
         self.image_size = image_size
         self.skew = skew
-        if not all(map(isfinite, (*self.distortion, *focal, *principal_point, skew))):
-            raise ValueError("every number of a lens must be finite")
-        if min(focal) <= 0.0 or min(image_size) <= 0:
-            raise ValueError("the focal lengths and the image size must be positive")
+        require_lens_numbers(positive=(*focal, *image_size), other=(*self.distortion, *principal_point, skew))
         if max_angle is not None and not 0.0 < max_angle <= pi:
             raise ValueError("the largest angle must lie in (0°, 180°]")
         self.largest_tangent = tan(min(STEEPEST_ANGLE, inf if max_angle is None else max_angle, self._fold()))

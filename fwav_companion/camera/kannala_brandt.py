@@ -10,8 +10,9 @@ Only the products m k matter: two calibrations with different k1 can be the same
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
 
+from fwav_companion.camera.lens_numbers import require_lens_numbers
 from fwav_companion.camera.radial_polynomial import (
     RayPiece,
     angle_from_radius,
@@ -74,11 +75,10 @@ class KannalaBrandt:
         self._table = self._quick_table()
 
     def _check(self, max_angle: float | None) -> None:
-        numbers = (*self.k_mm, *self.pixels_per_mm, *self.principal_point, self.skew)
-        if not all(map(isfinite, numbers)):
-            raise ValueError("every number of a lens must be finite")
-        if self.k_mm[0] <= 0.0 or min(self.pixels_per_mm) <= 0.0 or min(self.image_size) <= 0:
-            raise ValueError("the first coefficient, the pixels per mm and the image size must be positive")
+        require_lens_numbers(
+            positive=(self.k_mm[0], *self.pixels_per_mm, *self.image_size),
+            other=(*self.k_mm, *self.principal_point, self.skew),
+        )
         if max_angle is not None and not 0.0 < max_angle <= pi:
             raise ValueError("the largest angle must lie in (0°, 180°]")
 
