@@ -39,8 +39,7 @@ def test_lens_of_extreme_numbers_is_refused_or_has_unit_rays(lens_of):
     for _ in range(DRAWS):
         try:
             lens = lens_of(rng)
-        except ValueError as refusal:
-            assert "must be" in str(refusal)
+        except ValueError:
             continue
         accepted += 1
         for pixel in ((0.0, 0.0), MIDDLE, (639.0, 479.0)):
