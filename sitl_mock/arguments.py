@@ -17,6 +17,7 @@ from sitl_mock.options import Options, TargetOptions
 from sitl_mock.scenarios import SCENARIOS, scenario
 
 TARGET_NUMBERS = ("north", "east", "up", "speed_m_s", "course_deg", "leg_m")
+LONGEST_OFF_S = 10.0
 LONGEST_S = 1e8
 """Longest flight, seconds (three years): beyond it, clocks in nanoseconds lose their microseconds."""
 LONGEST_INSTANT = 18
@@ -41,7 +42,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds --scenario, --autopilot, --seed, --seconds, --target and --set."""
+    """Adds --scenario, --autopilot, --seed, --seconds, --target, --first-timesync-off and --set."""
     add = parser.add_argument
     add(
         "--scenario",
@@ -55,6 +56,8 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="duration of the flight; default: until stopped; with --record the scenario's own, else 60")  # fmt: skip
     add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="target that replaces the "
         "scenario's: metres from the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
+    add("--first-timesync-off", metavar="SECONDS", type=float, action="append", default=[],
+        help="error of the first answer's stamp to TIMESYNC; again for the second, and so on")  # fmt: skip
     add(
         "--set",
         metavar="KEY=VALUE",
@@ -83,6 +86,10 @@ def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options
     options = options.but({"seconds": chosen.seconds or endless_s or options.seconds})
     if chosen.target:
         options = options.but({"targets": tuple(_target(text) for text in chosen.target)})
+    if chosen.first_timesync_off:
+        if not all(abs(off_s) < LONGEST_OFF_S for off_s in chosen.first_timesync_off):
+            raise ValueError(f"--first-timesync-off: expected seconds, at most {LONGEST_OFF_S:g}")
+        options = options.but({"autopilot.first_timesync_off_s": tuple(chosen.first_timesync_off)})
     for key, value in (_pair(text) for text in chosen.set):
         options = options.but({key: _of_its_kind(options.but({key: value}), key, value)})
     return options

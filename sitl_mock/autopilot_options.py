@@ -82,6 +82,13 @@ class AutopilotOptions:
     """True highest rate where a higher one was acknowledged (as PX4 does); 0: the acknowledged rate."""
     sends_timesync: bool = True
     answers_timesync: bool = True
+    first_timesync_off_s: tuple[float, ...] = ()
+    """Errors of the first answers' stamps, seconds: ArduPilot dates reception back by what it has not read (negative).
+    """
+    answers_timesync_until_s: float | None = None
+    """Time from the start after which TIMESYNC is not answered any more."""
+    timesync_late_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Share of the answers that are 5 to 50 ms late."""
     poll_delay_s: float = 0.0
     """Largest delay of an answer to TIMESYNC, uniform from 0."""
     arms_at_s: float | None = 4.0

@@ -161,6 +161,12 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         "takes off after arming, which moves home by 0.8 m in height",
         {"flight.takeoff_at_s": 6.0, "autopilot.home_moves_m": (3.0, -2.0, 0.8)},
     ),
+    "first_timesync_off": (
+        "the first answer to TIMESYNC is 115 ms off: it left in a burst",
+        {"autopilot.first_timesync_off_s": (-0.115,)},
+    ),
+    "late_timesync": ("one answer to TIMESYNC in ten is 5 to 50 ms late", {"autopilot.timesync_late_share": 0.1}),
+    "clock_falls_silent": ("TIMESYNC is not answered from 12 s on", {"autopilot.answers_timesync_until_s": 12.0}),
     "silent_clock": ("TIMESYNC is never answered", {"autopilot.answers_timesync": False}),
     "old_rates": (
         "SET_MESSAGE_INTERVAL is unknown, only REQUEST_DATA_STREAM works",

@@ -13,6 +13,7 @@ from sitl_mock.radio import Radio
 
 ARDUPILOT_ASKS_EVERY_NS = 10_000_000_000
 PX4_ASKS_EVERY_NS = 100_000_000
+LATE_S = (0.005, 0.05)
 KEPT = 50
 """Most exchanges of its own requests that are kept, newest last."""
 
@@ -26,7 +27,8 @@ class Timesync:
         self._o, self._clock = options.autopilot, clock
         self._agenda, self._radio = agenda, radio
         self._rng = Random(f"{options.seed}/timesync")
-        self._asked = 0
+        self._asked = self._answered = 0
+        self._off, self._start_ns = len(self._o.first_timesync_off_s), start_host_ns
         self.exchanges: list[tuple[int, int]] = []
         """(round trip, peer's clock minus boot clock at the middle) of its own requests, ns."""
         if self._o.sends_timesync:
@@ -36,10 +38,18 @@ class Timesync:
         """Answers a request; records the exchange of an answer to the last request."""
         if heard.fields["tc1"] != 0:
             self._learn(heard.fields, now_ns)
-        elif self._o.answers_timesync:
+        elif self._answers(now_ns):
             late_ns = round(self._rng.uniform(0.0, self._o.poll_delay_s) * 1e9)
-            answer = {"tc1": self._boot_ns(now_ns), "ts1": heard.fields["ts1"]}
+            if self._o.timesync_late_share and self._rng.random() < self._o.timesync_late_share:
+                late_ns += round(self._rng.uniform(*LATE_S) * 1e9)
+            off_s = self._o.first_timesync_off_s[self._answered] if self._answered < self._off else 0.0
+            self._answered += 1
+            answer = {"tc1": max(1, self._boot_ns(now_ns) + round(off_s * 1e9)), "ts1": heard.fields["ts1"]}
             self._agenda.at(now_ns + late_ns, lambda at: self._radio.say("TIMESYNC", answer, at))
+
+    def _answers(self, now_ns: int) -> bool:
+        until_s = self._o.answers_timesync_until_s
+        return self._o.answers_timesync and (until_s is None or now_ns - self._start_ns < until_s * 1e9)
 
     def peer_ns(self, host_ns: int) -> int | None:
         """Peer's clock at a host instant, by the exchange with the shortest round trip; None before the first."""

@@ -75,6 +75,12 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
         return parse_link_url(self.url)
 
     @property
+    def baud(self) -> int | None:
+        """Baud rate of a serial link; None for any other."""
+        url = self.parsed_url
+        return url.baud if isinstance(url, SerialUrl) else None
+
+    @property
     def byte_budget(self) -> float:
         """Largest number of bytes a second that leave by this link; 0: no limit."""
         url = self.parsed_url

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
@@ -26,6 +28,8 @@ class Waiting(msgspec.Struct, frozen=True):
     """Autopilot instant that attitudes should reach; None: the frame need not wait."""
     deadline_ns: HostNs
     """Host instant of its release at the latest."""
+    needs_clock: bool = False
+    """Whether it waits for the clock first, which gives :attr:`until_boot_ns`."""
 
 
 class WaitingFrames:
@@ -47,6 +51,25 @@ class WaitingFrames:
         deadline = max(now + LEAST_PATIENCE_NS, min(now + LONGEST_WAIT_NS, until_ns + LONGEST_AGE_NS))
         self._frames.append(Waiting(frame, until_boot_ns, HostNs(deadline)))
 
+    def put_without_clock(self, frame: Frame, now: HostNs) -> None:
+        """Add a frame whose capture on the autopilot's clock is not known yet: three exchanges take 0.3 s.
+
+        It waits no longer than one for attitudes, because its lines are written 0.5 s after the capture.
+        """
+        self._frames.append(Waiting(frame, None, HostNs(now + LONGEST_WAIT_NS), needs_clock=True))
+
+    def place(self, needed_until: Callable[[Frame], BootNs | None], now: HostNs) -> None:
+        """Give the frames without a clock the instant that attitudes should reach, where the clock is known now."""
+        for index, entry in enumerate(self._frames):
+            if entry.needs_clock and (until := needed_until(entry.frame)) is not None:
+                deadline_ns = HostNs(min(entry.deadline_ns, now + LEAST_PATIENCE_NS))
+                self._frames[index] = Waiting(entry.frame, until, deadline_ns)
+
+    @property
+    def needs_clock(self) -> bool:
+        """Whether a frame waits for the clock."""
+        return any(entry.needs_clock for entry in self._frames)
+
     @property
     def detections(self) -> int:
         """Number of detections in the queue."""
@@ -65,7 +88,8 @@ class WaitingFrames:
         ready, waiting = [], []
         for index, entry in enumerate(self._frames):
             until = entry.until_boot_ns
-            if index < crowd or until is None or now >= entry.deadline_ns or vehicle.ready_for(until):
+            attitudes_known = not entry.needs_clock and (until is None or vehicle.ready_for(until))
+            if index < crowd or attitudes_known or now >= entry.deadline_ns:
                 ready.append(entry.frame)
             else:
                 waiting.append(entry)

@@ -137,7 +137,10 @@ class CameraPipeline:
         self._census.add(frame, clock)
         until = self._pairer.attitude_needed_until(frame, clock)
         until_ns = None if until is None else clock.host_from_boot(until)
-        self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
+        if isinstance(until_ns, int):
+            self._waiting.put(frame, until, until_ns, now)
+        else:
+            self._waiting.put_without_clock(frame, now)
 
     def on_refused_frame(self, reason: Reason, now: HostNs) -> None:
         """Record that a datagram arrived without a usable frame: a picture was sent, and refused."""
@@ -145,6 +148,8 @@ class CameraPipeline:
 
     def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
         """Process the frames whose attitudes are known or will not come."""
+        if self._waiting.needs_clock and isinstance(self._telemetry.clock.boot_from_host(now), int):
+            self._waiting.place(lambda frame: self._pairer.attitude_needed_until(frame, self._telemetry.clock), now)
         ready = self._waiting.take_ready(now, self._telemetry)
         if not ready:
             return []

@@ -190,6 +190,7 @@ def _clock_report(estimate: ClockEstimate) -> ClockReport:
         bound_s=estimate.bound_s,
         round_trip_s=estimate.round_trip_s,
         status=estimate.status.value,
+        rate_differs=estimate.rate_differs,
     )
 
 

@@ -22,6 +22,7 @@ from fwav_companion.publishing.landing import DEFAULT_LAG_S, LEAST_LAG_S, MOST_L
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
 from fwav_companion.recording.lines import home_line, unix_seconds
 from fwav_companion.telemetry import (
+    ClockContradicted,
     HomeMoved,
     OriginSet,
     PositionJumped,
@@ -101,6 +102,8 @@ class EventHandlers:
         if isinstance(result, ClockExchange):
             telemetry = self._components.telemetry
             self.of_telemetry(telemetry.on_exchange(result), now)
+            if telemetry.clock.agreed:
+                self._components.timesync.agreed()
             if telemetry.clock.in_doubt:
                 self._components.timesync.settle(now)
         elif isinstance(result, Outgoing) and self._live:
@@ -110,6 +113,8 @@ class EventHandlers:
         """Handle telemetry events, such as a reboot, the world's origin or a moved home."""
         for event in events:
             match event:
+                case ClockContradicted():
+                    self._components.timesync.settle(now)
                 case Rebooted():
                     self._components.timesync.restart(now)
                     self._components.rates.ask_again("the autopilot rebooted", now)

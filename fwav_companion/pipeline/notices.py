@@ -79,7 +79,7 @@ def _of_the_clock(event: ClockSlipped | ClockRate) -> Notice:
             return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, "the autopilot's clock runs at its normal rate again")
         case ClockRate(rate):
             way = "slow" if rate < 1.0 else "fast"
-            text = f"the autopilot's clock runs {abs(rate - 1.0) * 1e2:.1f} % {way}: followed"
+            text = f"the autopilot's clock runs {abs(rate - 1.0) * 1e2:.2g} % {way}: followed"
             return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, text)
 
 

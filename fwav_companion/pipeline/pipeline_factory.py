@@ -127,14 +127,17 @@ def make_pipeline(
     commands = Commands(handlers, require_signed=config.signing is not None, version=version_numbers())
     commands.system = config.vehicle.system_id
     commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
+    timesync = Timesync(component, bauds={link.name: link.baud for link in config.link if link.baud is not None})
+    rates = Rates(
+        default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
+        attitude_message=config.vehicle.attitude_message,
+        component=component,
+    )
+    rates.gate = timesync.leaves_link_free
     components = Components(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT_ID if has_camera else None),
-        timesync=Timesync(component),
-        rates=Rates(
-            default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
-            attitude_message=config.vehicle.attitude_message,
-            component=component,
-        ),
+        timesync=timesync,
+        rates=rates,
         commands=commands,
         telemetry=telemetry,
         publisher=publisher,

@@ -34,6 +34,7 @@ class Speaker:
         request = components.timesync.on_wake(now)
         if request is not None:
             messages.append(request)
+            components.telemetry.clock.on_request(now)
         if components.rates.wake_at is not None and components.rates.wake_at <= now:
             messages += components.rates.on_wake(now)
             self._outputs.notify(components.rates.notices(), now)

@@ -20,7 +20,7 @@ from fwav_companion.recording.flight_log import FlightLog
 from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.time_checks import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, read_tlog
-from fwav_companion.telemetry.clock.followed import FASTEST, SLOWEST
+from fwav_companion.telemetry.clock.exchange_clock import FASTEST_RATE, SLOWEST_RATE
 from fwav_companion.types import Message
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
@@ -68,7 +68,7 @@ def read_telemetry(data: bytes) -> TelemetryRead:
         latest_us = max(latest_us, record.unix_us)
         messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
     rate = _clock_rate(messages)
-    if SLOWEST <= rate <= FASTEST:
+    if SLOWEST_RATE <= rate <= FASTEST_RATE:
         return TelemetryRead(messages, skipped, notes, clock_rate=rate)
     note = f"the autopilot's clock runs {rate:.3g} times as fast as the recorder's (a simulator?)"
     note = f"{note}: detections on another clock do not fit; accepted: time_boot"

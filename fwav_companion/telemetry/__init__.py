@@ -10,6 +10,7 @@ from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 from fwav_companion.telemetry.events import (
     AttitudeSource,
+    ClockContradicted,
     GimbalUnused,
     HomeMoved,
     OriginSet,
@@ -30,6 +31,7 @@ __all__ = [
     "GIMBAL_MESSAGES",
     "AttitudeSource",
     "Clock",
+    "ClockContradicted",
     "ClockRate",
     "ClockSlipped",
     "GimbalUnused",

@@ -90,8 +90,13 @@ class PositionJumped(msgspec.Struct, frozen=True):
     east_m: float
 
 
+class ClockContradicted(msgspec.Struct, frozen=True):
+    """The arrivals of messages have begun to contradict the clock estimate: exchanges should decide."""
+
+
 TelemetryEvent: TypeAlias = (
     Rebooted
+    | ClockContradicted
     | ClockSlipped
     | ClockRate
     | OriginSet

@@ -15,7 +15,7 @@ from fwav_companion.telemetry.barometer import Barometer
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.clock.clock_news import ClockSlipped
-from fwav_companion.telemetry.events import GimbalUnused, Rebooted, TelemetryEvent
+from fwav_companion.telemetry.events import ClockContradicted, GimbalUnused, Rebooted, TelemetryEvent
 from fwav_companion.telemetry.gimbal import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.intake import Intake
@@ -122,7 +122,8 @@ class Telemetry:
                 events += self._on_jump(placed, arrival_ns)
                 placed = placed.boot_ns
             self._intake.stamp_ns = placed
-            self.clock.on_arrival(placed, arrival_ns)
+            if self.clock.on_arrival(placed, arrival_ns, message.link):
+                events += (ClockContradicted(),)
         return events + handler(message.fields, arrival_ns)
 
     def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
@@ -155,7 +156,7 @@ class Telemetry:
             events = self._on_jump(placed, exchange.received_ns)
             placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
             assert isinstance(placed, int)  # noqa: S101  (the time line began at this instant)
-        news = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, placed))
+        news = self.clock.on_exchange(msgspec.structs.replace(exchange, autopilot_ns=placed))
         return events if news is None else (*events, news)
 
     @property

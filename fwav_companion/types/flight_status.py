@@ -34,6 +34,8 @@ class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
     """Best round trip, seconds."""
     status: str = "unknown"
     """A :class:`~fwav_companion.types.ClockStatus`."""
+    rate_differs: bool = False
+    """Whether the rate differs from 1 beyond three sigmas and 200 ppm."""
 
 
 class OriginReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -51,13 +51,21 @@ def test_a_request_carries_our_nanoseconds_and_an_empty_tc1(sync):
 def test_its_answer_gives_the_exchange_with_whole_microseconds(sync):
     ts1 = request(sync)
     got = sync.on_message(timesync(42 * S, ts1), T0 + 3 * MS)
-    assert got == ClockExchange(sent_ns=T0, received_ns=T0 + 3 * MS, autopilot_ns=42 * S)
+    assert got == ClockExchange(sent_ns=T0, received_ns=T0 + 3 * MS, autopilot_ns=42 * S, link="fc")
 
 
 def test_an_answer_counts_once(sync):
     ts1 = request(sync)
     sync.on_message(timesync(42 * S, ts1), T0 + MS)
-    assert sync.on_message(timesync(42 * S, ts1), T0 + 2 * MS) == Ignored(NotTaken.NOT_OURS)
+    assert sync.on_message(timesync(42 * S, ts1), T0 + 2 * MS) == Ignored(NotTaken.REPLAYED)
+    assert sync.ignored[NotTaken.REPLAYED] == 1
+
+
+def test_an_answer_over_each_of_two_links_is_an_exchange_of_that_link(sync):
+    ts1 = request(sync)
+    exchanges = [sync.on_message(timesync(42 * S, ts1, link=link), T0 + MS) for link in ("fc", "radio")]
+    assert [exchange.link for exchange in exchanges] == ["fc", "radio"]
+    assert sync.exchanges == 1
 
 
 @pytest.mark.parametrize(
@@ -70,6 +78,8 @@ def test_an_answer_counts_once(sync):
         (lambda ts1: timesync(9 * S, ts1, target=(5, 192)), NotTaken.OTHER_TARGET),
         (lambda ts1: timesync(9 * S, ts1, target=(255, 190)), NotTaken.OTHER_TARGET),
         (lambda ts1: timesync(-1, ts1), NotTaken.BAD_CLOCK),
+        (lambda ts1: timesync(-(2**63), ts1), NotTaken.BAD_CLOCK),
+        (lambda ts1: timesync(2**63 - 1, ts1), NotTaken.BAD_CLOCK),
     ],
 )
 def test_what_is_not_our_answer_is_ignored_for_its_reason_and_does_not_spoil_ours(sync, answer, reason):
@@ -114,7 +124,7 @@ def test_a_replay_learns_requests_from_the_recording_on_any_clock(sync):
     recorded_at = 1_790_000_000 * S
     sync.on_sent(123_456_789, recorded_at)
     got = sync.on_message(timesync(9 * S, 123_456_789), recorded_at + 2 * MS)
-    assert got == ClockExchange(sent_ns=recorded_at, received_ns=recorded_at + 2 * MS, autopilot_ns=9 * S)
+    assert got == ClockExchange(sent_ns=recorded_at, received_ns=recorded_at + 2 * MS, autopilot_ns=9 * S, link="fc")
 
 
 def run(sync, seconds, round_trip_ns, answered=lambda now: True):
@@ -133,29 +143,61 @@ def rate(sent, start, end):
     return sum(T0 + start * S <= at < T0 + end * S for at in sent) / (end - start)
 
 
-@pytest.mark.parametrize(("round_trip_ms", "later_hz"), [(1, 2.0), (5, 1 / (0.25 * 2.5e-3 / 600e-6)), (50, 0.5)])
-def test_ten_a_second_for_twenty_seconds_then_as_many_as_the_bound_needs(sync, round_trip_ms, later_hz):
-    sent = run(sync, 100, round_trip_ms * MS)
-    assert rate(sent, 0, 20) == pytest.approx(10, abs=0.1)
-    assert rate(sent, 30, 100) == pytest.approx(later_hz, rel=0.05)
+@pytest.mark.parametrize("round_trip_ms", [1, 50])
+def test_requests_are_frequent_until_an_answer_and_then_one_a_second(sync, round_trip_ms):
+    sent = run(sync, 60, round_trip_ms * MS, answered=lambda now: now >= T0 + S)
+    assert rate(sent, 0, 1) == pytest.approx(10)
+    assert rate(sent, 2, 60) == pytest.approx(1.0, abs=0.02)
 
 
-def test_in_doubt_it_asks_ten_times_a_second_again(sync):
+def test_in_doubt_requests_are_frequent_again(sync):
     run(sync, 30, 4 * MS)
     now = T0 + 30 * S
-    sync.settle(now)
-    assert sync.wake_at - now <= 100 * MS
-    sent, at = 0, sync.wake_at
-    while at < now + 6 * S:
-        sent += sync.on_wake(at) is not None
+    sent, at = 0, now
+    while at < now + 3 * S:
+        sync.settle(at)
         at = sync.wake_at
-    assert 24 <= sent <= 30  # two seconds of ten, then four of two
+        sent += sync.on_message(timesync(S, request(sync, at)), at) is not None
+    assert sent == pytest.approx(30, abs=1)
 
 
-def test_a_silent_autopilot_is_asked_seldom_but_settles_once_it_answers(sync):
-    sent = run(sync, 100, MS, answered=lambda now: now >= T0 + 60 * S)
-    assert rate(sent, 25, 60) == pytest.approx(0.5, abs=0.05)
-    assert rate(sent, 63, 80) == pytest.approx(10, abs=0.1)
+def test_after_twenty_unanswered_requests_the_autopilot_counts_as_one_way_until_it_answers(sync):
+    sent = run(sync, 62, MS, answered=lambda now: now >= T0 + 55 * S)
+    assert rate(sent, 0, 2) == pytest.approx(10)
+    assert rate(sent, 2, 52) == pytest.approx(0.1, abs=0.02)
+    assert not sync.one_way
+    assert sync.wake_at - sent[-1] <= S + MS
+
+
+def test_a_one_way_autopilot_is_named(sync):
+    run(sync, 1.8, MS, answered=lambda now: False)
+    assert not sync.one_way
+    run(sync, 2.1, MS, answered=lambda now: False)
+    assert sync.one_way
+
+
+def test_other_requests_wait_until_exchanges_agree_and_two_seconds_at_most(sync):
+    assert sync.held_until_ns == T0 + S, "without any answer"
+    sync.on_message(timesync(42 * S, request(sync)), T0 + MS)
+    assert sync.held_until_ns == T0 + 2 * S
+    sync.agreed()
+    assert sync.held_until_ns <= T0
+
+
+@pytest.mark.parametrize(("round_trip_ms", "request_ms"), [(10, 280 / 57.6), (2, 0.0)])
+def test_ardupilots_stamp_is_the_beginning_of_the_request_on_a_serial_line(round_trip_ms, request_ms):
+    """A round trip shorter than both transfers shows that the port has no baud rate, as USB."""
+    sync = Timesync(191, bauds={"fc": 57600})
+    sync.adopt(ARDUPILOT, T0)
+    exchange = sync.on_message(timesync(42 * S, request(sync)), T0 + round_trip_ms * MS)
+    assert exchange.request_ns == pytest.approx(request_ms * MS, rel=1e-3)
+
+
+def test_bytes_relayed_beside_a_request_are_weighted_by_their_time_on_the_line(sync):
+    sent = iter([1000, 1000 + 28 + 13 + 1152])
+    sync.sent_bytes = lambda: next(sent)
+    exchange = sync.on_message(timesync(42 * S, request(sync)), T0 + 5 * MS)
+    assert exchange.beside_ns == pytest.approx(100 * MS, rel=1e-3)
 
 
 def test_after_a_reboot_old_requests_are_void_and_it_settles_again(sync):

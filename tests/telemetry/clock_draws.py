@@ -12,8 +12,8 @@ from statistics import median
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped
-from fwav_companion.telemetry.robust_clock.clock import LinkClocks
-from fwav_companion.telemetry.robust_clock.clock_news import ClockNews
+from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.telemetry.clock.clock_news import ClockNews
 from fwav_companion.types import ClockExchange
 
 HOST_NS = 9_000_000_000_000
@@ -225,10 +225,10 @@ class Flown:
         return median(abs(error) for _, error, *_ in self.steady()) - known
 
 
-def fly(kind: Kind, seed: int, clock: LinkClocks | None = None) -> Flown:  # noqa: C901 (one loop over the events of a link)
+def fly(kind: Kind, seed: int, clock: Clock | None = None) -> Flown:  # noqa: C901 (one loop over the events of a link)
     """Let a clock estimate one drawn sequence, asked as the service asks."""
     world = drawn(kind, seed)
-    clock, published, timeline = clock or LinkClocks(), PublishedFilter(), BootTimeline()
+    clock, published, timeline = clock or Clock(), PublishedFilter(), BootTimeline()
     flown = Flown(world)
     events: list[tuple[float, int, tuple[float, ...]]] = []  # answers and messages under way
     order = good = unanswered = 0
@@ -296,7 +296,7 @@ def fly(kind: Kind, seed: int, clock: LinkClocks | None = None) -> Flown:  # noq
     return flown
 
 
-def _probe(flown: Flown, clock: LinkClocks, published: PublishedFilter, t: float) -> None:
+def _probe(flown: Flown, clock: Clock, published: PublishedFilter, t: float) -> None:
     now = HostNs(HOST_NS + round(t * 1e6) * 1000)
     estimate = clock.estimate(now)
     true_s = t - flown.world.boot(t)

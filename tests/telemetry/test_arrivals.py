@@ -6,7 +6,7 @@ from math import sin
 import pytest
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.telemetry.clock.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
+from fwav_companion.telemetry.clock.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, TRUNCATION_NS, ArrivalEnvelope
 from fwav_companion.telemetry.clock.clock import Clock
 
 
@@ -17,7 +17,7 @@ def test_messages_of_two_seconds_that_came_in_one_datagram_have_one_instant_and_
         envelope.insert(BootNs(BUCKET_NS - 1), arrival)
     envelope.insert(BootNs(BUCKET_NS + 1), arrival)
     assert envelope.line is not None
-    assert abs(envelope.line.offset_ns - (arrival - BUCKET_NS)) <= 2
+    assert abs(envelope.line.offset_ns - (arrival - BUCKET_NS - TRUNCATION_NS)) <= 2
     envelope.insert(BootNs(3 * BUCKET_NS), HostNs(arrival + 2 * BUCKET_NS))
     assert abs(envelope.line.skew) <= 1e-3
 
@@ -73,7 +73,7 @@ def test_without_its_rate_a_slow_clock_is_not_followed():
         clock.on_arrival(BootNs(98_000_000 * tenth), HostNs(100_000_000 * tenth))
     placed = clock.host_from_boot(BootNs(98_000_000 * 299))
     assert isinstance(placed, int)
-    assert placed < 29.5e9
+    assert placed < 29.8e9  # late by the growth within ten seconds
 
 
 def paused(seed: int, *, mean_s: float, every_s: float) -> list[tuple[float, float]]:

@@ -8,6 +8,7 @@ requests that name us.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import TypeAlias
 
@@ -16,20 +17,24 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs
 from fwav_companion.types.messages import Destination, Message, Outgoing
 from fwav_companion.types.network_status import TimesyncReport
-from fwav_companion.types.situation import Autopilot
+from fwav_companion.types.situation import Autopilot, AutopilotKind
 from fwav_companion.types.telemetry import ClockExchange
 
-SETTLING_INTERVAL_NS = 100 * NS_PER_MS
-"""Interval while the clock settles: ten requests a second."""
-SETTLING_NS = 20 * NS_PER_S
-DOUBT_NS = 2 * NS_PER_S
-FASTEST_NS = 500 * NS_PER_MS
-SLOWEST_NS = 2 * NS_PER_S
-"""Longest interval after settling. The interval lies between FASTEST_NS and this, by the growth of the bound."""
-DRIFT = 600e-6
-"""Largest skew of two clocks: the bound grows by it between exchanges."""
-GROWTH_SHARE = 0.25
-"""Growth of the bound allowed between exchanges, as a share of half the best round trip."""
+DOUBT_INTERVAL_NS = 100 * NS_PER_MS
+"""Interval until three exchanges agree, and while the clock is in doubt: ten requests a second."""
+INTERVAL_NS = NS_PER_S
+DOUBT_NS = NS_PER_S // 2
+"""Time after the last doubtful answer for which requests stay frequent."""
+UNANSWERED, ONE_WAY_INTERVAL_NS = 20, 10 * NS_PER_S
+"""Number of unanswered requests after which the autopilot counts as one-way, and the interval from then on."""
+HELD_BACK_NS, HELD_BACK_UNANSWERED_NS = 2 * NS_PER_S, NS_PER_S
+"""Longest time for which our other requests wait for three exchanges that agree, and for a first answer: ArduPilot
+dates reception back by what it has not read, so the first exchange beside a burst of our own was 115 ms off."""
+REQUEST_BYTES, SIGNATURE_BYTES, BITS_A_BYTE = 28, 13, 10
+"""Bytes of a TIMESYNC frame without its signature, of a signature, and bits of a byte on a serial line."""
+UNKNOWN_BAUD = 115200
+"""Baud rate of the autopilot's own port behind UDP or TCP: a bridge or a radio."""
+MOST_CLOCK_NS = 2**63 - 1
 KEPT_ROUND_TRIPS = 16
 JITTER_SHARE = 1.0 / 16.0
 """Weight of the newest change of the round trip in its running mean, as in RTP (RFC 3550, 6.4.1)."""
@@ -46,13 +51,15 @@ class NotTaken(StrEnum):
     NO_AUTOPILOT = "no_autopilot"
     """No autopilot is adopted: we neither send requests nor answer."""
     NOT_OURS = "not_ours"
-    """An answer to another component's request, a second copy, or a late answer."""
+    """An answer to another component's request, or a late answer."""
+    REPLAYED = "replayed"
+    """A second answer to one request over one link."""
     FOREIGN_SPEAKER = "foreign_speaker"
     """An answer to our request, but not from our autopilot."""
     OTHER_TARGET = "other_target"
     """Its target fields name another component."""
     BAD_CLOCK = "bad_clock"
-    """The responder's clock is not positive."""
+    """The responder's clock is not positive, or the largest number there is."""
     NOT_FOR_US = "not_for_us"
     """A request from a component that is not our autopilot, without our address."""
 
@@ -63,22 +70,46 @@ class Ignored(msgspec.Struct, frozen=True):
     reason: NotTaken
 
 
+class SentRequest(msgspec.Struct, gc=False):
+    """A request that was sent."""
+
+    sent_ns: HostNs
+    sent_bytes: int
+    """Bytes sent to the autopilot before it."""
+    answered: list[str]
+    """Links over which its answer came."""
+
+
 TimesyncResult: TypeAlias = ClockExchange | Outgoing | Ignored
 
 
 class Timesync:
     """One side of the exchange. ``now`` is the time of sending or arrival, in whole microseconds."""
 
-    def __init__(self, component: int = 191, *, target_fields: bool = False, salt: int = 0):
+    def __init__(
+        self,
+        component: int = 191,
+        *,
+        target_fields: bool = False,
+        salt: int = 0,
+        bauds: Mapping[str, int] | None = None,
+    ):
+        """``bauds``: baud rates of the serial links, by name."""
+        self._bauds = bauds or {}
+        self.sent_bytes: Callable[[], int] = int
+        """Number of bytes sent over the autopilot's links so far; relayed ones may date a request's reception back."""
         self._component = component
         self._target_fields = target_fields
         self._counter = salt
         self._autopilot: Autopilot | None = None
-        self._outstanding: dict[int, HostNs] = {}
+        self._outstanding: dict[int, SentRequest] = {}
         self._round_trips_ns: list[int] = []
         self._jitter_ns = 0.0
-        self._settled_ns: HostNs | None = None
+        self._doubt_until_ns = HostNs(0)
+        self._unanswered = 0
         self._answered = False
+        self.held_until_ns = HostNs(0)
+        """Instant until which our other requests to the autopilot wait for three exchanges that agree."""
         self.wake_at: HostNs | None = None
         """Time of the next request; None while no autopilot is adopted."""
         self.ignored: dict[NotTaken, int] = dict.fromkeys(NotTaken, 0)
@@ -99,23 +130,28 @@ class Timesync:
         self._round_trips_ns.clear()
         self._jitter_ns = 0.0
         self._answered = False
-        self._settled_ns = HostNs(now + SETTLING_NS)
+        self._unanswered = 0
+        self.held_until_ns = HostNs(now + HELD_BACK_UNANSWERED_NS)
         self.wake_at = now
 
     def settle(self, now: HostNs) -> None:
-        """Request as often as at the beginning for some seconds, because the clock has become doubtful."""
-        if self._settled_ns is not None:
-            self._settled_ns = HostNs(max(self._settled_ns, now + DOUBT_NS))
-        if self.wake_at is not None:
-            self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
+        """Request ten times a second for a while, because the clock is in doubt."""
+        self._doubt_until_ns = HostNs(now + DOUBT_NS)
+        if self.wake_at is not None and not self.one_way:
+            self.wake_at = min(self.wake_at, HostNs(now + DOUBT_INTERVAL_NS))
+
+    def leaves_link_free(self, now: HostNs) -> bool:
+        """Return whether our other requests may leave now: the first exchanges have the link to themselves."""
+        return now >= self.held_until_ns
+
+    def agreed(self) -> None:
+        """Release our other requests: three exchanges agree."""
+        self.held_until_ns = HostNs(0)
 
     @property
-    def interval_ns(self) -> int:
-        """Interval between requests after settling: short enough that the bound hardly grows within it."""
-        if not self._round_trips_ns:
-            return SLOWEST_NS
-        allowed_ns = GROWTH_SHARE * 0.5 * min(self._round_trips_ns) / DRIFT
-        return round(min(max(allowed_ns, FASTEST_NS), SLOWEST_NS))
+    def one_way(self) -> bool:
+        """Whether the autopilot counts as one-way, because the last requests were not answered."""
+        return self._unanswered >= UNANSWERED
 
     def on_wake(self, now: HostNs) -> Outgoing | None:
         """Return the request that is due. ``now`` must be the time of sending: half of any later wait biases the
@@ -125,8 +161,9 @@ class Timesync:
             return None
         ts1 = now + self._nonce()
         self.on_sent(ts1, now)
-        settling = self._settled_ns is not None and now < self._settled_ns
-        self.wake_at = HostNs(now + (SETTLING_INTERVAL_NS if settling else self.interval_ns))
+        frequent = not self._answered or now < self._doubt_until_ns
+        interval_ns = DOUBT_INTERVAL_NS if frequent else INTERVAL_NS
+        self.wake_at = HostNs(now + (ONE_WAY_INTERVAL_NS if self.one_way else interval_ns))
         fields = {"tc1": 0, "ts1": ts1} | self._target(self._autopilot.system, self._autopilot.component)
         return Outgoing(name="TIMESYNC", fields=fields, to=Destination.AUTOPILOT, component=self._component)
 
@@ -134,11 +171,12 @@ class Timesync:
         """Note a request that left at ``now``: a replay takes it from the recording."""
         while self._outstanding:
             oldest = next(iter(self._outstanding))
-            if len(self._outstanding) < MAX_OUTSTANDING and self._outstanding[oldest] + EXPIRY_NS > now:
+            if len(self._outstanding) < MAX_OUTSTANDING and self._outstanding[oldest].sent_ns + EXPIRY_NS > now:
                 break
             del self._outstanding[oldest]
-        self._outstanding[ts1] = now
+        self._outstanding[ts1] = SentRequest(now, self.sent_bytes(), [])
         self._requests += 1
+        self._unanswered += 1
 
     def on_message(self, message: Message, now: HostNs) -> TimesyncResult:
         """Process an answer or a request that arrived at ``now``."""
@@ -160,18 +198,40 @@ class Timesync:
 
     def _on_answer(self, message: Message, now: HostNs) -> ClockExchange | Ignored:
         fields = message.fields
-        sent_ns = self._outstanding.get(fields.ts1)
-        if sent_ns is None or not sent_ns <= now <= sent_ns + EXPIRY_NS:
+        request = self._outstanding.get(fields.ts1)
+        if request is None or not request.sent_ns <= now <= request.sent_ns + EXPIRY_NS:
             return self._ignore(NotTaken.NOT_OURS)
         if not self._is_from_autopilot(message):
             return self._ignore(NotTaken.FOREIGN_SPEAKER)
         if _target_of(message) not in {(0, 0), self._own_address()}:
             return self._ignore(NotTaken.OTHER_TARGET)
-        if fields.tc1 < 0:
+        if not 0 < fields.tc1 < MOST_CLOCK_NS:
             return self._ignore(NotTaken.BAD_CLOCK)
-        del self._outstanding[fields.ts1]
-        self._learn_round_trip(now - sent_ns, now)
-        return ClockExchange(sent_ns=sent_ns, received_ns=now, autopilot_ns=BootNs(fields.tc1))
+        if message.link in request.answered:
+            return self._ignore(NotTaken.REPLAYED)
+        if not request.answered:
+            self._learn_round_trip(now - request.sent_ns, now)
+        request.answered.append(message.link)
+        return self._exchange(message, request, now)
+
+    def _exchange(self, message: Message, request: SentRequest, now: HostNs) -> ClockExchange:
+        """The exchange, with the times on the line by which its stamp may be early."""
+        byte_ns = BITS_A_BYTE * NS_PER_S // self._bauds.get(message.link, UNKNOWN_BAUD)
+        beside = max(0, self.sent_bytes() - request.sent_bytes - REQUEST_BYTES - SIGNATURE_BYTES)
+        request_ns = 0
+        ardupilot = self._autopilot is not None and self._autopilot.kind is AutopilotKind.ARDUPILOT
+        if ardupilot and message.link in self._bauds:
+            request_ns = REQUEST_BYTES * byte_ns
+            if now - request.sent_ns < 2 * request_ns:  # the baud rate of a USB port means nothing
+                request_ns = 0
+        return ClockExchange(
+            sent_ns=request.sent_ns,
+            received_ns=now,
+            autopilot_ns=BootNs(message.fields.tc1),
+            link=message.link,
+            request_ns=request_ns,
+            beside_ns=beside * byte_ns,
+        )
 
     def _on_request(self, message: Message, now: HostNs) -> Outgoing | Ignored:
         target = _target_of(message)
@@ -189,11 +249,12 @@ class Timesync:
             change_ns = abs(round_trip_ns - self._round_trips_ns[-1])
             self._jitter_ns += JITTER_SHARE * (change_ns - self._jitter_ns)
         self._round_trips_ns = [*self._round_trips_ns[1 - KEPT_ROUND_TRIPS :], round_trip_ns]
-        if not self._answered:
-            self._answered = True
-            self._settled_ns = HostNs(now + SETTLING_NS)
-            if self.wake_at is not None:
-                self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
+        if not self._answered and now < self.held_until_ns:
+            self.held_until_ns = HostNs(self.held_until_ns + HELD_BACK_NS - HELD_BACK_UNANSWERED_NS)
+        self._answered = True
+        self._unanswered = 0
+        if self.wake_at is not None:
+            self.wake_at = min(self.wake_at, HostNs(now + INTERVAL_NS))
 
     def _nonce(self) -> int:
         """Return 0 to 999, for the digits below a microsecond, so that another component's ts1 does not equal ours by

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
@@ -12,11 +10,8 @@ MOST_SKEW = 600e-6
 """Largest skew of a crystal's clock: a host's own clock discipline slews by up to 500 ppm, and crystals differ by up
 to 100."""
 
-SKEW_WANDER = 0.5e-6
-"""Change of a crystal's rate due to temperature that the fit does not show, for every 10 s since the fit."""
 
-
-class ClockLine(msgspec.Struct, frozen=True, gc=False):
+class ClockLine(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """Line of ``host_from_autopilot`` over host time near :attr:`ref_host_ns`."""
 
     ref_host_ns: HostNs
@@ -26,9 +21,13 @@ class ClockLine(msgspec.Struct, frozen=True, gc=False):
     """d(offset)/d(host)."""
     var_offset: float
     """Variance of the offset at the reference, s^2."""
-    cov_offset_skew: float
+    cov_offset_skew: float = 0.0
     """Covariance of offset and skew, s."""
-    var_skew: float
+    var_skew: float = 0.0
+    wander: float = 0.0
+    """One sigma of the rate's change since the reference."""
+    var_bias: float = 0.0
+    """Variance of the part of the error that no further exchange reduces: the asymmetry of the delays, s^2."""
 
     def offset_ns_at(self, host_ns: HostNs) -> int:
         """Offset at this host instant, nanoseconds."""
@@ -39,10 +38,8 @@ class ClockLine(msgspec.Struct, frozen=True, gc=False):
         since_ref = boot_ns + self.offset_ns - self.ref_host_ns
         return HostNs(boot_ns + self.offset_ns + round(self.skew / (1.0 - self.skew) * since_ref))
 
-    def sigma_s(self, host_ns: HostNs) -> float:
-        """One sigma of the offset at this host instant, seconds."""
+    def scatter(self, host_ns: HostNs) -> float:
+        """Variance of the offset at this host instant without the asymmetry of the delays, s^2."""
         dt = (host_ns - self.ref_host_ns) * 1e-9
-        wander = SKEW_WANDER * dt * dt / 10.0
-        return sqrt(
-            max(0.0, self.var_offset + dt * (2.0 * self.cov_offset_skew + dt * self.var_skew)) + wander * wander
-        )
+        variance = self.var_offset + dt * (2.0 * self.cov_offset_skew + dt * (self.var_skew + self.wander**2))
+        return max(0.0, variance)

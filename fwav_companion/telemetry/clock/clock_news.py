@@ -1,23 +1,30 @@
-"""Reports about a followed clock, a slip or its rate, each once."""
+"""Reports about the autopilot's clock, a slip or its rate, each once."""
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_S
-from fwav_companion.telemetry.clock.followed import FollowedClock
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
+from fwav_companion.telemetry.clock.exchange_clock import ExchangeClock
+from fwav_companion.telemetry.clock.link_clock import Segment
 
 DECIDED_AFTER_NS = 5 * NS_PER_S
-"""Time after a first contradiction before a report: a slip and a new rate look alike until the rate has been measured
-for this time."""
-LEAST_REPORTED_SLIP_S = 5e-3
+"""Time after a change before a report: a slip and a new rate look alike until the rate has been measured."""
+CRYSTAL_DECIDED_AFTER_NS = 20 * NS_PER_S
+"""The same for a rate that a crystal may have: in a recorded flight of a simulator 200 ppm came and went in 10 s."""
 QUIET_NS = 2 * NS_PER_S
-"""Time between slips below which they are reported as one: an exchange may fall into the middle of a pause."""
-LEAST_REPORTED_RATE, RATE_SIGMAS = 2e-3, 4.0
-"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to be reported: three times the range
-of crystals, and chance."""
+"""Time since the last change before a report: slips in a row are reported as one."""
+LEAST_REPORTED_SLIP_S, SLIP_SIGMAS = 5e-3, 3.0
+LEAST_BEFORE = 10
+"""Number of exchanges before a change without which it is not a slip: the lock itself was wrong."""
+LEAST_REPORTED_RATE, RATE_SIGMAS = 200e-6, 3.0
+"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to be reported."""
+NORMAL_RATE = 100e-6
+"""Difference of the rate from 1 below which a reported rate is over."""
 RATE_CHANGED = 0.02
 """Change of a reported rate after which it is reported again."""
 
@@ -39,42 +46,60 @@ class ClockRate(msgspec.Struct, frozen=True):
 ClockNews: TypeAlias = ClockSlipped | ClockRate
 
 
-class ClockReports:
-    """Decides which events of a followed clock are reported, and when."""
+def is_notable(line: ClockLine) -> bool:
+    """Whether the rate differs from 1 beyond three sigmas and 200 ppm."""
+    skew2 = line.skew**2
+    return skew2 > LEAST_REPORTED_RATE**2 and skew2 > RATE_SIGMAS**2 * line.var_skew
 
-    __slots__ = ("_left_ns", "_moved_ns", "_rate", "_reported_s", "_slips_s")
+
+class ClockReports:
+    """Decides which changes of the clock are reported, and when."""
+
+    __slots__ = ("_changed_ns", "_moved_ns", "_rate", "_seen", "_slipped_s", "_spread_s")
 
     def __init__(self) -> None:
-        self._slips_s, self._moved_ns = 0.0, 0
-        self._left_ns: int | None = None
+        self._changed_ns: HostNs | None = None
+        self._moved_ns = HostNs(-QUIET_NS)
+        self._slipped_s = self._spread_s = 0.0
         self._rate: float | None = None
-        self._reported_s = 0.0
+        self._seen = 0
 
-    def on_left(self, followed: FollowedClock) -> None:
-        """Note that the clock left a crystal's range."""
-        self._left_ns, self._reported_s = followed.newest.host_ns, 0.0
-        self._slips_s, self._moved_ns = 0.0, followed.newest.host_ns
-
-    def on_followed(self, followed: FollowedClock) -> ClockNews | None:
-        """Report after an exchange of a followed clock; None without news."""
-        now_ns = followed.newest.host_ns
-        if followed.slips_s != self._slips_s:
-            self._slips_s, self._moved_ns = followed.slips_s, now_ns
-        if self._left_ns is None or now_ns - self._left_ns < DECIDED_AFTER_NS or now_ns - self._moved_ns < QUIET_NS:
+    def on_exchange(self, exchanges: ExchangeClock, ended: Segment | None, now: HostNs) -> ClockNews | None:
+        """Report after an exchange; ``ended``: the segment that it ended. None without news."""
+        line = exchanges.line
+        if line is None:
             return None
-        rate, sigma, _ = followed.rate
-        if abs(rate - 1.0) > max(LEAST_REPORTED_RATE, RATE_SIGMAS * sigma):
+        if ended is not None and self._seen >= LEAST_BEFORE:
+            self._slipped_s += ended.step_s
+            self._spread_s = sqrt(self._spread_s**2 + ended.line.scatter(now) + line.scatter(now))
+            self._moved_ns = now
+            if self._changed_ns is None:
+                self._changed_ns = now
+        self._seen = exchanges.accepted if ended is None else 0
+        if self._changed_ns is None and not exchanges.changed and exchanges.in_doubt:
+            return None
+        undecided = self._changed_ns is not None and now - self._changed_ns < DECIDED_AFTER_NS
+        if undecided or now - self._moved_ns < QUIET_NS:
+            return None
+        crystal = abs(line.skew) < MOST_SKEW
+        is_measured = now - exchanges.segment_ns >= (CRYSTAL_DECIDED_AFTER_NS if crystal else DECIDED_AFTER_NS)
+        return (self._rate_news(line) if is_measured else None) or self._slip_news()
+
+    def _rate_news(self, line: ClockLine) -> ClockRate | None:
+        if is_notable(line):
+            rate = 1.0 - line.skew
             if self._rate is not None and abs(rate - self._rate) < RATE_CHANGED:
                 return None
-            self._rate, self._reported_s = rate, followed.slips_s
+            self._rate = rate
             return ClockRate(rate)
-        by_s, self._reported_s = followed.slips_s - self._reported_s, followed.slips_s
-        return ClockSlipped(by_s) if self._rate is None and abs(by_s) > LEAST_REPORTED_SLIP_S else None
+        if self._rate is not None and abs(line.skew) < NORMAL_RATE:
+            self._rate = None
+            return ClockRate(1.0)
+        return None
 
-    def on_calm(self) -> ClockNews | None:
-        """Note that the clock is a crystal's again; returns that rate where another one was reported."""
-        self._left_ns = None
-        if self._rate is None:
-            return None
-        self._rate = None
-        return ClockRate(1.0)
+    def _slip_news(self) -> ClockSlipped | None:
+        by_s, spread_s = self._slipped_s, self._spread_s
+        self._slipped_s = self._spread_s = 0.0
+        self._changed_ns = None
+        reported = self._rate is None and abs(by_s) > max(LEAST_REPORTED_SLIP_S, SLIP_SIGMAS * spread_s)
+        return ClockSlipped(by_s) if reported else None

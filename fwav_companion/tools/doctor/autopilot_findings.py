@@ -37,8 +37,6 @@ are 3 deg."""
 POOR_SIGMA_S: Final = 0.005
 ANSWERED: Final = 0.5
 """Least share of TIMESYNC requests with an answer: with fewer, TIMESYNC does not work both ways."""
-NOTABLE_SKEW: Final = 2e-3
-"""Clock skew from which the clocks run at different rates: three times that of two crystals and a clock discipline."""
 LOOPBACK: Final = ("localhost", "::1")
 REBOOTED: Final = "reboot"
 """Value in ``undone_by``: a restart lost the rate, and no other program took it."""
@@ -272,14 +270,13 @@ def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 
 def _followed(clock: ClockReport) -> Finding:
-    runs = f"runs {abs(clock.skew) * 1e2:.1f} % {'slow' if clock.skew > 0.0 else 'fast'}"
+    runs = f"runs {abs(clock.skew) * 1e2:.2g} % {'slow' if clock.skew > 0.0 else 'fast'}"
     known = "" if clock.sigma_s is None else f"; it is followed, to {1e3 * clock.sigma_s:.1f} ms (one sigma)"
     return Finding(
         "clock_followed",
         Level.WARNING if clock.sigma_s is None or clock.sigma_s > POOR_SIGMA_S else Level.NOTE,
         "clock",
-        problem=f"the autopilot's clock {runs if abs(clock.skew) > NOTABLE_SKEW else 'slips'} against this board's"
-        + known,
+        problem=f"the autopilot's clock {runs if clock.rate_differs else 'slips'} against this board's" + known,
         fix="usual in a simulator under load: less load, or a lower simulation speed; on real hardware check the load "
         "of the autopilot and of this board",
     )

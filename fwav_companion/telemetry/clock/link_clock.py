@@ -7,10 +7,10 @@ from math import inf, sqrt
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
-from fwav_companion.telemetry.robust_clock.arrival_watch import ArrivalWatch
-from fwav_companion.telemetry.robust_clock.arrivals import LEAST_DELAY_SIGMA_S, ArrivalBounds
-from fwav_companion.telemetry.robust_clock.clock_line import FittedLine
-from fwav_companion.telemetry.robust_clock.exchange_clock import ExchangeClock
+from fwav_companion.telemetry.clock.arrival_watch import ArrivalWatch
+from fwav_companion.telemetry.clock.arrivals import LEAST_DELAY_SIGMA_S, ArrivalEnvelope
+from fwav_companion.telemetry.clock.clock_line import ClockLine
+from fwav_companion.telemetry.clock.exchange_clock import ExchangeClock
 from fwav_companion.types import ClockExchange
 
 SEGMENTS = 8
@@ -26,7 +26,7 @@ BEYOND_DOUBT = 3.0
 class Segment(msgspec.Struct, frozen=True, gc=False):
     """A line that held until a step or another rate."""
 
-    line: FittedLine
+    line: ClockLine
     until_ns: HostNs
     """Host instant from which the next line holds."""
     agreed_ns: HostNs
@@ -46,7 +46,7 @@ class LinkClock:
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._exchanges = ExchangeClock()
-        self._arrivals = ArrivalBounds(rate)
+        self._arrivals = ArrivalEnvelope(rate)
         self._watch = ArrivalWatch()
         self._segments: list[Segment] = []
         self._answered = False
@@ -90,7 +90,7 @@ class LinkClock:
 
     def skip(self) -> None:
         """Forget the arrivals: the stamps continue far ahead of their expected values."""
-        self._arrivals = ArrivalBounds(self._rate)
+        self._arrivals = ArrivalEnvelope(self._rate)
         self._watch.restart()
 
     @property
@@ -99,7 +99,7 @@ class LinkClock:
         return self._exchanges.in_doubt or self._watch.departure_s > 0.0
 
     @property
-    def line(self) -> FittedLine | None:
+    def line(self) -> ClockLine | None:
         """The line in use; None before there is an estimate."""
         exchanges = self._exchanges.line
         if exchanges is None:
@@ -111,7 +111,7 @@ class LinkClock:
         """Whether the line in use is that of exchanges."""
         return self._exchanges.line is not None and self.line is self._exchanges.line
 
-    def line_at(self, host_ns: HostNs) -> FittedLine | None:
+    def line_at(self, host_ns: HostNs) -> ClockLine | None:
         """The line that held at this host instant."""
         for segment in self._segments:
             if host_ns < segment.until_ns:
@@ -164,7 +164,7 @@ class LinkClock:
         exchanges, watch = self._exchanges, self._watch
         return max(exchanges.suspect_s, watch.departure_s, watch.quiet_s(host_ns, exchanges.newest_ns))
 
-    def _outlived(self, line: FittedLine) -> FittedLine | None:
+    def _outlived(self, line: ClockLine) -> ClockLine | None:
         """The line of arrivals, where exchanges stopped and arrivals contradict the last ones; else None."""
         watch, newest_ns = self._watch, self._exchanges.newest_ns
         if watch.departure_s == 0.0 or watch.heard_ns is None or newest_ns is None:
@@ -174,12 +174,12 @@ class LinkClock:
         if self._answered:
             self._answered = False
             delay_ns = 0 if watch.least_ns is None else watch.least_ns
-            self._arrivals = ArrivalBounds(self._rate)
+            self._arrivals = ArrivalEnvelope(self._rate)
             self._arrivals.least_delay_s = delay_ns * 1e-9
             self._arrivals.least_delay_sigma_s = min(LEAST_DELAY_SIGMA_S, 1e-3 + sqrt(line.var_bias))
         return self._arrivals.line
 
-    def _ended(self, before: FittedLine, after: FittedLine) -> Segment:
+    def _ended(self, before: ClockLine, after: ClockLine) -> Segment:
         """The segment until the change: where the lines meet, between the last agreement and the first exchange."""
         sure_ns = self._exchanges.segment_ns
         agreed_ns = min(max(before.ref_host_ns, self._watch.agreed_ns or HostNs(0)), sure_ns)

@@ -9,11 +9,11 @@ from __future__ import annotations
 from math import hypot, sqrt
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.telemetry.robust_clock.clock_line import MOST_SKEW, FittedLine
-from fwav_companion.telemetry.robust_clock.exchange_fit import (
+from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
+from fwav_companion.telemetry.clock.exchange_fit import (
     FLOOR_S,
+    Exchange,
     Line,
-    WeightedExchange,
     fit_line,
     in_agreement,
     in_line,
@@ -75,14 +75,14 @@ class ExchangeClock:
     )
 
     def __init__(self) -> None:
-        self._kept: list[WeightedExchange] = []
-        self._suspects: list[WeightedExchange] = []
+        self._kept: list[Exchange] = []
+        self._suspects: list[Exchange] = []
         self._fit: Line | None = None
         self._ref_host_ns: HostNs | None = None
         self._ref_offset_ns = 0
         self._is_bent = False
         """Whether the line had to forget older exchanges at the newest one."""
-        self.line: FittedLine | None = None
+        self.line: ClockLine | None = None
         self.segment = 0
         """Number of steps so far: it grows with each new segment."""
         self.segment_t = 0.0
@@ -153,7 +153,7 @@ class ExchangeClock:
         ]
         return min(rooms) + self.suspect_s
 
-    def _entry(self, answered: ClockExchange) -> WeightedExchange | None:
+    def _entry(self, answered: ClockExchange) -> Exchange | None:
         sent_ns, received_ns = answered.sent_ns, answered.received_ns
         if received_ns < sent_ns:
             return None
@@ -162,14 +162,14 @@ class ExchangeClock:
         offset_ns = middle_ns - answered.autopilot_ns - answered.request_ns
         if self._ref_host_ns is None:
             self._ref_host_ns, self._ref_offset_ns = middle_ns, offset_ns
-        return WeightedExchange(
+        return Exchange(
             (middle_ns - self._ref_host_ns) * 1e-9,
             (offset_ns - self._ref_offset_ns) * 1e-9,
             (received_ns - sent_ns) * 1e-9,
             answered.beside_ns * 1e-9,
         )
 
-    def _insert_unlocked(self, entry: WeightedExchange) -> bool:
+    def _insert_unlocked(self, entry: Exchange) -> bool:
         self._suspects = [*self._suspects[1 - MOST_UNLOCKED :], entry]
         chosen = in_agreement(self._suspects)
         if len(chosen) >= IN_AGREEMENT:
@@ -197,12 +197,12 @@ class ExchangeClock:
             return True
         return False
 
-    def _start(self, chosen: list[WeightedExchange], *, changed: bool) -> None:
+    def _start(self, chosen: list[Exchange], *, changed: bool) -> None:
         self._kept, self._suspects, self.suspect_s = chosen, [], 0.0
         self._fit, self.changed, self.segment_t, self.accepted = None, changed, chosen[0].t, len(chosen)
         self._refit()
 
-    def _settle(self, entry: WeightedExchange) -> None:
+    def _settle(self, entry: Exchange) -> None:
         """Treat the clock as a crystal's again once its rate has been within the range of one for CALM_S."""
         fit = self._fit
         assert fit is not None  # noqa: S101  (locked)
@@ -225,7 +225,7 @@ class ExchangeClock:
         self.best_trip_s = min([entry.trip for entry in self._kept])
         assert self._ref_host_ns is not None  # noqa: S101  (there was an exchange)
         self.newest_ns = HostNs(self._ref_host_ns + round(end.t * NS_PER_S))
-        self.line = FittedLine(
+        self.line = ClockLine(
             ref_host_ns=self.newest_ns,
             offset_ns=self._ref_offset_ns + round(fit[0] * NS_PER_S),
             skew=fit[1],
@@ -278,7 +278,7 @@ class ExchangeClock:
         assert fit is not None  # noqa: S101  (locked)
         return fit[0] + fit[1] * (t - self._kept[-1].t)
 
-    def _gate(self, entry: WeightedExchange) -> float:
+    def _gate(self, entry: Exchange) -> float:
         line, fit = self.line, self._fit
         assert line is not None  # noqa: S101  (locked)
         assert fit is not None  # noqa: S101  (locked)
@@ -300,6 +300,6 @@ class ExchangeClock:
         return largest
 
 
-def _chord(exchanges: list[WeightedExchange]) -> float:
+def _chord(exchanges: list[Exchange]) -> float:
     """Skew between the first and the last exchange."""
     return (exchanges[-1].offset - exchanges[0].offset) / (exchanges[-1].t - exchanges[0].t)

@@ -36,7 +36,7 @@ Line: TypeAlias = tuple[float, float, float, float, float, float]
 """Offset at the newest exchange (s), skew, their covariance (00, 01, 11), and one sigma of the jitter (s)."""
 
 
-class WeightedExchange(msgspec.Struct, frozen=True, gc=False):
+class Exchange(msgspec.Struct, frozen=True, gc=False):
     """One TIMESYNC exchange, seconds from a common reference."""
 
     t: float
@@ -49,12 +49,12 @@ class WeightedExchange(msgspec.Struct, frozen=True, gc=False):
     """Time of the relayed bytes that travelled with the request: reception may be dated back by them."""
 
 
-def tolerance(exchange: WeightedExchange, least_trip: float) -> float:
+def tolerance(exchange: Exchange, least_trip: float) -> float:
     """Largest plausible error of an exchange, without the part that all exchanges share, seconds."""
     return AGREEMENT_S + 0.5 * (exchange.trip - least_trip) + exchange.beside
 
 
-def least_possible_trip(exchanges: Sequence[WeightedExchange]) -> float:
+def least_possible_trip(exchanges: Sequence[Exchange]) -> float:
     """Estimate of the least possible round trip, seconds: the least of n long-tailed ones lies by about TAIL / n of
     their mean excess above it.
     """
@@ -63,12 +63,12 @@ def least_possible_trip(exchanges: Sequence[WeightedExchange]) -> float:
     return max(0.0, least - TAIL / len(trips) * (sum(trips) / len(trips) - least))
 
 
-def variance(exchange: WeightedExchange, least_trip: float, floor2: float) -> float:
+def variance(exchange: Exchange, least_trip: float, floor2: float) -> float:
     """Variance of the offset of an exchange, s^2; ``floor2``: that of the fastest ones."""
     return floor2 + (exchange.trip - least_trip) ** 2 / UNIFORM + exchange.beside**2
 
 
-def in_agreement(exchanges: Sequence[WeightedExchange], skew: float = 0.0) -> list[WeightedExchange]:
+def in_agreement(exchanges: Sequence[Exchange], skew: float = 0.0) -> list[Exchange]:
     """Largest set of exchanges with a common offset at this skew: the intersection algorithm of Marzullo (1984).
 
     Of sets of equal size the one that contains later exchanges is returned.
@@ -78,7 +78,7 @@ def in_agreement(exchanges: Sequence[WeightedExchange], skew: float = 0.0) -> li
     for entry in exchanges:
         level, room = entry.offset - skew * entry.t, tolerance(entry, least)
         intervals.append((level - room, level + room))
-    best: list[WeightedExchange] = []
+    best: list[Exchange] = []
     for low, _ in intervals:
         # An interval of the largest set starts where all of that set overlap.
         chosen = [entry for entry, (a, b) in zip(exchanges, intervals, strict=True) if a <= low <= b]
@@ -87,9 +87,9 @@ def in_agreement(exchanges: Sequence[WeightedExchange], skew: float = 0.0) -> li
     return best
 
 
-def in_line(exchanges: Sequence[WeightedExchange], fastest: float, slowest: float) -> list[WeightedExchange]:
+def in_line(exchanges: Sequence[Exchange], fastest: float, slowest: float) -> list[Exchange]:
     """Largest set of exchanges on one line, of any skew between ``fastest`` and ``slowest``."""
-    best: list[WeightedExchange] = []
+    best: list[Exchange] = []
     for i, first in enumerate(exchanges):
         for last in exchanges[i + 1 :]:
             if last.t - first.t < LEAST_APART_S:
@@ -102,7 +102,7 @@ def in_line(exchanges: Sequence[WeightedExchange], fastest: float, slowest: floa
     return best
 
 
-def fit_line(exchanges: Sequence[WeightedExchange], rate_sigma: float, skew: float, last: Line | None) -> Line:
+def fit_line(exchanges: Sequence[Exchange], rate_sigma: float, skew: float, last: Line | None) -> Line:
     """Weighted line with Huber weights, under a prior N(``skew``, ``rate_sigma``^2) on the skew.
 
     ``last``: line through all but the newest exchange, which shows the jitter of the faster half.
@@ -143,7 +143,7 @@ def fit_line(exchanges: Sequence[WeightedExchange], rate_sigma: float, skew: flo
     return end.offset + level, skew + slope, c00 * scale, c01 * scale, c11 * scale, jitter
 
 
-def _jitter(exchanges: Sequence[WeightedExchange], line: Line) -> float:
+def _jitter(exchanges: Sequence[Exchange], line: Line) -> float:
     """One sigma of the scatter of the faster half that their round trips do not explain, s; 0 with few exchanges."""
     if len(exchanges) < EXCHANGES_FOR_JITTER:
         return 0.0

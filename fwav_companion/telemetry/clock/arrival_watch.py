@@ -7,7 +7,7 @@ a few messages with the delays that the link had before, and it asks for exchang
 from __future__ import annotations
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.telemetry.robust_clock.clock_line import FittedLine
+from fwav_companion.telemetry.clock.clock_line import ClockLine
 
 ARRIVALS = 5
 """Number of arrivals whose least delay is compared: four of them may be late by chance."""
@@ -51,7 +51,7 @@ class ArrivalWatch:
         self._window.clear()
         self._usual_ns, self._spread_ns, self.departure_s = None, max(self._spread_ns, FIRST_SPREAD_NS), 0.0
 
-    def insert(self, stamp_ns: BootNs, arrival_ns: HostNs, line: FittedLine | None) -> bool:
+    def insert(self, stamp_ns: BootNs, arrival_ns: HostNs, line: ClockLine | None) -> bool:
         """Take an arrival. Returns whether a contradiction has just begun."""
         heard_ns = self.heard_ns
         if heard_ns is not None:
@@ -74,7 +74,7 @@ class ArrivalWatch:
         last_ns = self.heard_ns if exchanged_ns is None else max(self.heard_ns, exchanged_ns)
         return max(0, host_ns - last_ns - QUIET_GAPS * self._gap_ns) * 1e-9
 
-    def _judge(self, line: FittedLine, arrival_ns: HostNs) -> bool:
+    def _judge(self, line: ClockLine, arrival_ns: HostNs) -> bool:
         least_ns, most_ns = min(self._window), max(self._window)
         self._window.clear()
         usual_ns = least_ns if self._usual_ns is None else self._usual_ns
