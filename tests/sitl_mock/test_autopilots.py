@@ -56,7 +56,13 @@ def test_an_autopilot_that_does_not_exist_is_one_line_and_exit_2(tmp_path, capsy
 
 def test_the_named_autopilot_replaces_the_scenarios_and_a_setting_replaces_both():
     chosen = argparse.Namespace(
-        scenario="px4", autopilot="inav", seed=1, seconds=1.0, target=[], set=["autopilot.system_id=3"]
+        scenario="px4",
+        autopilot="inav",
+        seed=1,
+        seconds=1.0,
+        target=[],
+        first_timesync_off=[],
+        set=["autopilot.system_id=3"],
     )
     options = options_from(chosen, None)
     assert (options.autopilot.firmware, options.autopilot.system_id) == ("inav", 3)

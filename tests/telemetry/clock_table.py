@@ -5,7 +5,8 @@ Run from the folder of the project: ``python tests/telemetry/clock_table.py [DRA
 
 import sys
 
-from clock_draws import KINDS, tabulated
+from clock_draws import KINDS
+from clock_rows import tabulated
 
 HEAD = (
     f"{'kind':24} {'steady':>7} {'99 %':>7} {'claim':>7} {'share':>6} {'>3 s':>7} {'start':>6} {'healed':>6} "

@@ -1,7 +1,8 @@
 """The clock over drawn sequences of exchanges and arrivals of each kind: the bounds of the service's time."""
 
 import pytest
-from clock_draws import KINDS, Row, tabulated
+from clock_draws import KINDS
+from clock_rows import Row, tabulated
 
 FEW, MANY = 2, 100
 ONE_WAY = [name for name in KINDS if name.startswith("g")]

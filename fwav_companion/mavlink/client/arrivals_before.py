@@ -23,6 +23,7 @@ class ArrivalsBefore:
         self._senders: dict[tuple[int, int], tuple[HostNs, Counter[str]]] = {}
         self._counts: Counter[str] = Counter()
         self._since_ns = HostNs(0)
+        self._reset_ns: dict[str, HostNs] = {}
 
     @property
     def enough_at(self) -> HostNs:
@@ -44,15 +45,21 @@ class ArrivalsBefore:
         """Go on with the counts of this autopilot."""
         self._since_ns, self._counts = self._senders.get((autopilot.system, autopilot.component), (now, Counter()))
         self._senders.clear()
+        self._reset_ns.clear()
 
     def restart(self, now: HostNs) -> None:
         """Restart the counts, after a reboot."""
         self._since_ns, self._counts = now, Counter()
+        self._reset_ns.clear()
+
+    def reset(self, name: str, now: HostNs) -> None:
+        """Restart the count of one message, because its rate was set to its default now."""
+        self._counts[name], self._reset_ns[name] = 0, now
 
     def count(self, name: str) -> None:
         """Count one message of the adopted autopilot."""
         self._counts[name] += 1
 
-    def take(self, now: HostNs) -> tuple[Counter[str], int]:
-        """Return the counts by name, and their time, nanoseconds."""
-        return self._counts, max(now - self._since_ns, 1)
+    def taken(self, name: str, now: HostNs) -> tuple[int, int]:
+        """Return the count of one message, and its time, nanoseconds."""
+        return self._counts[name], max(now - self._reset_ns.get(name, self._since_ns), 1)

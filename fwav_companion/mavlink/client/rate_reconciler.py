@@ -102,8 +102,7 @@ class RateReconciler:
         unlimited = interval_us < 0 and autopilot.kind is AutopilotKind.PX4
         row.stated_hz = 1e6 / interval_us if interval_us > 0 else inf if unlimited else 0.0
         if question.kind is QuestionKind.RATE:
-            row.shown_hz = row.stated_hz
-            like_ours = abs(row.shown_hz - row.need_hz) <= SAME_RATE * row.need_hz
+            like_ours = abs(row.stated_hz - row.need_hz) <= SAME_RATE * row.need_hz
             if like_ours and not _is_never_sent_by_itself(autopilot, row):
                 self._learning = Question(QuestionKind.DEFAULT, row.msgid, row)
                 return
@@ -112,9 +111,8 @@ class RateReconciler:
     def _settle_before(self, autopilot: Autopilot, now: HostNs) -> None:
         """End the learning: what was there is known, and requests may change it."""
         self.is_learning = False
-        counts, elapsed_ns = self.before.take(now)
         for name, row in self.rows.items():
-            row.settle_before(counts.get(name, 0), elapsed_ns)
+            row.settle_before(*self.before.taken(name, now))
             row.meter.forget(now)
             if row.is_stated and _is_never_sent_by_itself(autopilot, row):
                 row.before_hz = 0.0
@@ -156,6 +154,8 @@ class RateReconciler:
     def _learn(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         if self._learning is not None:
             question, self._learning = self._learning, None
+            if question.row is not None:
+                self.before.reset(question.row.name, now)
             return self._ask(autopilot, question, now)
         if self._states_rates is not False:
             for row in self.rows.values():

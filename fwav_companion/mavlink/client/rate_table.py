@@ -58,7 +58,7 @@ class RateRow:
 
     __slots__ = (
         "_asked_ns", "_pause_ns", "_plateau_hz", "_undone_ns", "before_hz", "contradicted", "is_asked", "is_learned",
-        "is_shown_only", "is_stated", "meter", "msgid", "name", "need_hz", "next_ask_ns", "search", "shown_hz",
+        "is_shown_only", "is_stated", "meter", "msgid", "name", "need_hz", "next_ask_ns", "search",
         "state", "stated_hz", "undone_by",
     )  # fmt: skip
 
@@ -82,10 +82,9 @@ class RateRow:
         """Forget what was there before our first request."""
         self.is_learned = False
         """Whether the autopilot's statement is there, or is not awaited any more."""
-        self.shown_hz: float | None = None
-        """First stated rate, hertz, which the arrivals must agree with; inf: with every new value."""
         self.stated_hz: float | None = None
-        """Stated rate without a request of ours, hertz: differs from the first after an earlier run of ours."""
+        """Stated rate, hertz, which the arrivals must agree with; inf: with every new value. Where an earlier run
+        of ours left its rate, the default to which it was reset."""
         self.before_hz: float | None = None
         """Rate before our first request, hertz; None: not known yet."""
         self.is_stated = False
@@ -100,12 +99,12 @@ class RateRow:
         explains the arrivals is kept, so that the stream is not thinned.
         """
         least_hz, most_hz = (count - 1) * NS_PER_S / elapsed_ns, (count + 1) * NS_PER_S / elapsed_ns
-        shown_hz = self.shown_hz
-        if shown_hz is not None and shown_hz != inf:
-            self.is_stated = least_hz <= RISEN * shown_hz and FALLEN * shown_hz <= most_hz
+        stated_hz = self.stated_hz
+        if stated_hz is not None and stated_hz != inf:
+            self.is_stated = least_hz <= RISEN * stated_hz and FALLEN * stated_hz <= most_hz
             self.contradicted += not self.is_stated
         else:
-            self.is_stated = shown_hz is not None
+            self.is_stated = stated_hz is not None
         measured_hz = count * NS_PER_S / elapsed_ns
         self.before_hz = self.stated_hz if self.is_stated else (most_hz if count else 0.0)
         comes_hz = self.stated_hz if self.is_stated else measured_hz

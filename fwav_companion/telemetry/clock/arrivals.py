@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import sqrt
 from typing import TypeAlias
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
@@ -39,6 +40,10 @@ SLOW_LINK, SCATTER_MEMORY = 6.0, 32
 whose delays scatter by 10 ms (least of three: 3.3) is a radio, with a least delay of tens of milliseconds."""
 EARLY_ARRIVALS = 30
 """Number of arrivals until which the scatter of the first ones counts."""
+ASSUMED_ARRIVALS, ASSUMED_SCATTER_S = 2, 10e-3
+"""Number and scatter of the arrivals that are assumed before the first one, as of a radio: three agree by chance."""
+SCATTER_SIGMAS = 2.0
+"""Standard errors by which the scatter of n windows may be larger than it looks: each one's is as large as it."""
 ARRIVALS_FOR_LEVEL = 100
 """Number of arrivals that should show the offset: at 1 Hz the least delay of ten seconds is a tenth of its scatter."""
 TRUNCATION_NS = 500_000
@@ -190,13 +195,14 @@ class ArrivalEnvelope:
         zero.
         """
         count = min(self._count, FIRST_ARRIVALS)
-        return max(0.0, (self._first[1] - ref_offset_ns + self._spread_ns / count) * 1e-9 - level)
+        mean_s = max(0.0, (self._first[1] - ref_offset_ns + self._spread_ns / count) * 1e-9 - level)
+        return mean_s + (ASSUMED_SCATTER_S * ASSUMED_ARRIVALS) / count
 
     def _delay_sigma_s(self, early_scatter: float) -> float:
         """One sigma of the least delay, seconds: a link whose delays scatter has a long least one, too."""
         if self.least_delay_s != 0.0:
             return self.least_delay_sigma_s
-        scatter = SLOW_LINK * self._scatter_s
+        scatter = SLOW_LINK * self._scatter_s * (1.0 + SCATTER_SIGMAS / sqrt(max(1, self._windows)))
         return max(self.least_delay_sigma_s, scatter, SLOW_LINK / LATE_ARRIVALS * early_scatter)
 
 
