@@ -55,12 +55,14 @@ def is_notable(line: ClockLine) -> bool:
 class ClockReports:
     """Decides which changes of the clock are reported, and when."""
 
-    __slots__ = ("_changed_ns", "_moved_ns", "_rate", "_seen", "_slipped_s", "_spread_s")
+    __slots__ = ("_before", "_changed_ns", "_moved_ns", "_rate", "_seen", "_spread_s")
 
     def __init__(self) -> None:
         self._changed_ns: HostNs | None = None
         self._moved_ns = HostNs(-QUIET_NS)
-        self._slipped_s = self._spread_s = 0.0
+        self._before: ClockLine | None = None
+        """The line before the first change that is not reported yet."""
+        self._spread_s = 0.0
         self._rate: float | None = None
         self._seen = 0
 
@@ -70,7 +72,7 @@ class ClockReports:
         if line is None:
             return None
         if ended is not None and self._seen >= LEAST_BEFORE:
-            self._slipped_s += ended.step_s
+            self._before = self._before or ended.line
             self._spread_s = sqrt(self._spread_s**2 + ended.line.scatter(now) + line.scatter(now))
             self._moved_ns = now
             if self._changed_ns is None:
@@ -83,7 +85,7 @@ class ClockReports:
             return None
         crystal = abs(line.skew) < MOST_SKEW
         is_measured = now - exchanges.segment_ns >= (CRYSTAL_DECIDED_AFTER_NS if crystal else DECIDED_AFTER_NS)
-        return (self._rate_news(line) if is_measured else None) or self._slip_news()
+        return (self._rate_news(line) if is_measured else None) or self._slip_news(line, exchanges.segment_ns)
 
     def _rate_news(self, line: ClockLine) -> ClockRate | None:
         if is_notable(line):
@@ -97,9 +99,13 @@ class ClockReports:
             return ClockRate(1.0)
         return None
 
-    def _slip_news(self) -> ClockSlipped | None:
-        by_s, spread_s = self._slipped_s, self._spread_s
-        self._slipped_s = self._spread_s = 0.0
-        self._changed_ns = None
+    def _slip_news(self, line: ClockLine, segment_ns: HostNs) -> ClockSlipped | None:
+        before, spread_s = self._before, self._spread_s
+        self._before = self._changed_ns = None
+        self._spread_s = 0.0
+        if before is None:
+            return None
+        # By the line that all exchanges since define: that of the first three knows the step less well.
+        by_s = (line.offset_ns_at(segment_ns) - before.offset_ns_at(segment_ns)) * 1e-9
         reported = self._rate is None and abs(by_s) > max(LEAST_REPORTED_SLIP_S, SLIP_SIGMAS * spread_s)
         return ClockSlipped(by_s) if reported else None
