@@ -265,7 +265,8 @@ class CameraPipeline:
             self._refuse(paired)
             return None
         self.refused, self._used_ns = None, now
-        self._meter.count("frames", now)
+        # Frames that waited for the clock are used together, but did not arrive together.
+        self._meter.count("frames", now if frame.arrival_ns is None else frame.arrival_ns)
         located = [self._localizer.locate(sighting) for sighting in paired.sightings]
         fixes, unplaced = list[GroundFix](), list[Sighting]()
         for sighting, fix in zip(paired.sightings, located, strict=True):
