@@ -10,6 +10,7 @@ from math import hypot, sqrt
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
+from fwav_companion.telemetry.clock.envelopes import Band, widest_band
 from fwav_companion.telemetry.clock.exchange_fit import (
     FLOOR_S,
     Exchange,
@@ -17,8 +18,6 @@ from fwav_companion.telemetry.clock.exchange_fit import (
     fit_line,
     in_agreement,
     in_line,
-    least_possible_trip,
-    variance,
 )
 from fwav_companion.types import ClockExchange
 
@@ -42,9 +41,23 @@ GATE_SIGMAS, GATE_S = 4.0, 1e-3
 MOST_SUSPECTS = 6
 CALM_S = 3.0
 """Time after a change from which the clock may be a crystal's again, s."""
-RUN, RUN_SIGMAS = 7, 3.0
-"""Number of the newest residuals that show a change of rate where they have one sign and a mean beyond this: the oldest
-third is then dropped, as after the runs test of chrony. The sign alone occurs by chance once in 64 fits."""
+REACH, CHANGED_REACH = 2e-3, 0.7
+"""Largest difference of a new rate from the last one: of crystals, a host's slew included, and of other clocks."""
+NEWEST = (3, 4, 6, 8, 12, 16, 24, 32)
+"""Numbers of newest exchanges that are tried as the only ones on a new line."""
+CHANGED = 10.0
+"""Log-likelihood that two lines gain on one from which the older exchanges are dropped: 20 000 to one, because every
+exchange tests it again."""
+TRIED = 0.5
+"""Log-likelihood that one exchange costs from which new lines are tried at all."""
+LONE = 25.0
+"""Log-likelihood that one exchange costs from which it is a suspect, though its residual is within the gate."""
+RECENT_S = 10.0
+"""Time for which a suspect counts as evidence of another line."""
+AGREEING = 2
+"""Number of exchanges within the gate that narrow the band, from which they are no lone errors."""
+LEAST_WIDTH = 0.3
+"""Width of a band of suspects, in least round trips, from which they are on one line."""
 LEAST_KEPT = 6
 CERTAIN_SIGMAS = 5.0
 """Sigmas by which the rate of a few exchanges must lie beyond a crystal's."""
@@ -58,9 +71,12 @@ class ExchangeClock:
     """Clock estimate of one link from its exchanges; :attr:`line` is None until three of them agree."""
 
     __slots__ = (
+        "_band",
         "_fit",
+        "_fit_t",
         "_is_bent",
         "_kept",
+        "_recent",
         "_ref_host_ns",
         "_ref_offset_ns",
         "_suspects",
@@ -77,7 +93,12 @@ class ExchangeClock:
     def __init__(self) -> None:
         self._kept: list[Exchange] = []
         self._suspects: list[Exchange] = []
+        self._recent: list[Exchange] = []
+        """Exchanges of the last RECENT_S that contradict the line: suspects, and those that narrow the band."""
+        self._band: Band | None = None
         self._fit: Line | None = None
+        self._fit_t = 0.0
+        """Time of the newest exchange of the fit."""
         self._ref_host_ns: HostNs | None = None
         self._ref_offset_ns = 0
         self._is_bent = False
@@ -109,7 +130,15 @@ class ExchangeClock:
             return False
         residual = entry.offset - self._predicted(entry.t)
         if abs(residual) <= self._gate(entry):
-            self._kept.append(entry)
+            narrowed_s = self._narrowed_by(entry)
+            if narrowed_s > 0.0:
+                self._remember(entry)
+                if len(self._recent) < AGREEING:
+                    self.suspect_s = narrowed_s
+                    return False
+                self._kept = self._with_recent(self._kept)
+            else:
+                self._kept.append(entry)
             self.accepted += 1
             self._suspects.clear()
             self.suspect_s = 0.0
@@ -119,7 +148,8 @@ class ExchangeClock:
             return True
         self._suspects = [*self._suspects[1 - MOST_SUSPECTS :], entry]
         self.suspect_s = abs(residual)
-        return self._begin_segment()
+        self._remember(entry)
+        return self._begin_segment() or self._begin_line()
 
     @property
     def segment_ns(self) -> HostNs:
@@ -197,8 +227,47 @@ class ExchangeClock:
             return True
         return False
 
+    def _begin_line(self) -> bool:
+        """Drop what is older than the contradicting exchanges, if those are on one line, with all since the first."""
+        fit = self._fit
+        assert fit is not None  # noqa: S101  (locked)
+        since = self._with_recent([entry for entry in self._kept if entry.t >= self._recent[0].t])
+        if self.changed or len(self._recent) < IN_AGREEMENT:
+            return False
+        least = min(entry.trip for entry in (*self._kept, *since))
+        if widest_band(since, fit[1], MOST_SKEW, fit[1], REACH).width <= LEAST_WIDTH * least:
+            return False
+        self._kept, self._suspects, self._recent, self.suspect_s = since, [], [], 0.0
+        self._fit = self._band = None
+        self._refit()
+        self._is_bent = True
+        return True
+
+    def _remember(self, entry: Exchange) -> None:
+        self._recent = [each for each in self._recent if each.t > entry.t - RECENT_S] + [entry]
+
+    def _with_recent(self, exchanges: list[Exchange]) -> list[Exchange]:
+        """These and the contradicting ones, in order of time."""
+        known = {entry.t for entry in exchanges}
+        return sorted([*exchanges, *(entry for entry in self._recent if entry.t not in known)], key=lambda e: e.t)
+
+    def _narrowed_by(self, entry: Exchange) -> float:
+        """By how much this exchange narrows the band beyond chance, seconds; 0 where it does not."""
+        band = self._band
+        if band is None or self.changed:
+            return 0.0
+        narrower = self._widest([*self._kept, entry])
+        return band.width - narrower.width if narrower.worse_by(band.width) > LONE else 0.0
+
+    def _widest(self, exchanges: list[Exchange]) -> Band:
+        """The band of these exchanges under the rate's prior."""
+        fit, (skew, sigma) = self._fit, self._rate_prior()
+        near = skew if fit is None else fit[1]
+        return widest_band(exchanges, skew, sigma, near, CHANGED_REACH if self.changed else REACH)
+
     def _start(self, chosen: list[Exchange], *, changed: bool) -> None:
-        self._kept, self._suspects, self.suspect_s = chosen, [], 0.0
+        self._kept, self._suspects, self._recent, self.suspect_s = chosen, [], [], 0.0
+        self._band = None
         self._fit, self.changed, self.segment_t, self.accepted = None, changed, chosen[0].t, len(chosen)
         self._refit()
 
@@ -211,17 +280,18 @@ class ExchangeClock:
 
     def _refit(self) -> None:
         self._bound_window()
-        fit = self._fitted(self._fit)
-        self._is_bent = False
-        while len(self._kept) > LEAST_KEPT and self._has_run(fit):
-            self._is_bent = True
-            if self.changed or not self._has_changed_rate():
-                del self._kept[: max(1, len(self._kept) // 3)]
-            fit = self._fitted(None)
+        fit, self._is_bent = self._fitted(self._fit), False
         if not self.changed and len(self._kept) <= ENOUGH and self._has_changed_rate():
             fit = self._fitted(None)
         self._fit = fit
+        if len(self._kept) >= LEAST_KEPT:
+            band = self._widest(self._kept)
+            if self._band is not None and band.worse_by(self._band.width) > TRIED:
+                band = self._without_older(band)
+            self._band = band
+            self._fit = fit = (band.offset, band.skew, *fit[2:])
         end = self._kept[-1]
+        self._fit_t = end.t
         self.best_trip_s = min([entry.trip for entry in self._kept])
         assert self._ref_host_ns is not None  # noqa: S101  (there was an exchange)
         self.newest_ns = HostNs(self._ref_host_ns + round(end.t * NS_PER_S))
@@ -236,12 +306,37 @@ class ExchangeClock:
             var_bias=(0.5 * self.best_trip_s) ** 2 / 3.0,  # uniform in half of the least round trip either way
         )
 
+    def _without_older(self, band: Band) -> Band:
+        """The band without the exchanges before a change of the rate, where two lines are likelier than one."""
+        while len(self._kept) > LEAST_KEPT:
+            most = min(entry.trip for entry in self._kept)  # no band is wider
+            gains = {}
+            for k in NEWEST:
+                if k > len(self._kept) - IN_AGREEMENT:
+                    break
+                older = min(most, self._widest(self._kept[:-k]).width)
+                newer = min(most, widest_band(self._kept[-k:], band.skew, MOST_SKEW, band.skew, REACH).width)
+                gains[k] = ((len(self._kept) - k) * (older - band.width) + k * (newer - band.width)) / band.tail
+            best = max(gains, key=lambda k: gains[k], default=0)
+            if not best or gains[best] < CHANGED:
+                break
+            self._is_bent = True
+            del self._kept[:-best]
+            self._fit = self._fitted(None)
+            band = self._widest(self._kept)
+        return band
+
+    def _rate_prior(self) -> tuple[float, float]:
+        """Mean and one sigma of the skew."""
+        if self.changed:
+            return _chord(self._kept), CHANGED_RATE_SIGMA
+        # Many exchanges that show a rate widen the prior, which would hold a crystal at its edge back for ever.
+        shown = self._fit[1] if self._fit is not None and len(self._kept) > ENOUGH else 0.0
+        return 0.0, hypot(RATE_SIGMA, shown)
+
     def _fitted(self, last: Line | None) -> Line:
-        if not self.changed:
-            # Many exchanges that show a rate widen the prior, which would hold a crystal at its edge back for ever.
-            shown = self._fit[1] if self._fit is not None and len(self._kept) > ENOUGH else 0.0
-            return fit_line(self._kept, hypot(RATE_SIGMA, shown), 0.0, last)
-        return fit_line(self._kept, CHANGED_RATE_SIGMA, _chord(self._kept), last)
+        skew, sigma = self._rate_prior()
+        return fit_line(self._kept, sigma, skew, last)
 
     def _has_changed_rate(self) -> bool:
         """Find whether the exchanges show a rate beyond a crystal's, and remember it."""
@@ -253,30 +348,22 @@ class ExchangeClock:
         return self.changed
 
     def _bound_window(self) -> None:
-        """Drop what is older than the window; beyond MOST_KEPT, the slowest of the older half."""
+        """Drop what is older than the window; beyond MOST_KEPT, that of the older half whose bounds are the widest."""
         kept = self._kept
         oldest = kept[-1].t - WINDOW_S
         while len(kept) > LEAST_KEPT and kept[0].t < oldest:
             del kept[0]
         if len(kept) > MOST_KEPT:
-            half = len(kept) // 2
-            del kept[max(range(half), key=lambda k: kept[k].trip)]
+            del kept[max(range(len(kept) // 2), key=lambda k: self._room(kept[k]))]
 
-    def _has_run(self, fit: Line) -> bool:
-        """Whether the newest RUN residuals have one sign and a mean beyond chance: the line does not fit them."""
-        end, newest = self._kept[-1].t, self._kept[-RUN:]
-        residuals = [entry.offset - fit[0] - fit[1] * (entry.t - end) for entry in newest]
-        if len(residuals) < RUN or not (min(residuals) > 0.0 or max(residuals) < 0.0):
-            return False
-        least = least_possible_trip(self._kept)
-        weights = [1.0 / variance(entry, least, FLOOR_S**2 + fit[5] ** 2) for entry in newest]
-        mean = sum([w * r for w, r in zip(weights, residuals, strict=True)]) / sum(weights)
-        return mean * mean * sum(weights) > RUN_SIGMAS**2
+    def _room(self, entry: Exchange) -> float:
+        """Distance of the nearer of an exchange's two bounds from the line, seconds."""
+        return 0.5 * entry.trip - abs(entry.offset - self._predicted(entry.t))
 
     def _predicted(self, t: float) -> float:
         fit = self._fit
         assert fit is not None  # noqa: S101  (locked)
-        return fit[0] + fit[1] * (t - self._kept[-1].t)
+        return fit[0] + fit[1] * (t - self._fit_t)
 
     def _gate(self, entry: Exchange) -> float:
         line, fit = self.line, self._fit
