@@ -10,7 +10,7 @@ from math import hypot, sqrt
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
-from fwav_companion.telemetry.clock.envelopes import Band, widest_band
+from fwav_companion.telemetry.clock.envelopes import Band, Envelopes, widest_band
 from fwav_companion.telemetry.clock.exchange_fit import (
     FLOOR_S,
     Exchange,
@@ -37,7 +37,7 @@ SLOWEST_RATE, FASTEST_RATE = 0.1, 10.0
 FASTEST, SLOWEST = 1.0 - FASTEST_RATE, 1.0 - SLOWEST_RATE
 MOST_RATE_STEP = 0.6
 """Largest change of the rate that three exchanges show; a larger one needs IN_LINE of them."""
-GATE_SIGMAS, GATE_S = 4.0, 1e-3
+GATE_SIGMAS, GATE_S = 4.0, 2e-3
 MOST_SUSPECTS = 6
 CALM_S = 3.0
 """Time after a change from which the clock may be a crystal's again, s."""
@@ -50,7 +50,7 @@ CHANGED = 10.0
 exchange tests it again."""
 TRIED = 0.5
 """Log-likelihood that one exchange costs from which new lines are tried at all."""
-LONE = 25.0
+LONE = 60.0
 """Log-likelihood that one exchange costs from which it is a suspect, though its residual is within the gate."""
 RECENT_S = 10.0
 """Time for which a suspect counts as evidence of another line."""
@@ -289,7 +289,8 @@ class ExchangeClock:
             if self._band is not None and band.worse_by(self._band.width) > TRIED:
                 band = self._without_older(band)
             self._band = band
-            self._fit = fit = (band.offset, band.skew, *fit[2:])
+            covariance = Envelopes(self._kept, *self._rate_prior()).covariance(band)
+            self._fit = fit = (band.offset, band.skew, *covariance, fit[5])
         end = self._kept[-1]
         self._fit_t = end.t
         self.best_trip_s = min([entry.trip for entry in self._kept])
@@ -308,6 +309,7 @@ class ExchangeClock:
 
     def _without_older(self, band: Band) -> Band:
         """The band without the exchanges before a change of the rate, where two lines are likelier than one."""
+        step, reach = (CHANGED_RATE_SIGMA, CHANGED_REACH) if self.changed else (MOST_SKEW, REACH)
         while len(self._kept) > LEAST_KEPT:
             most = min(entry.trip for entry in self._kept)  # no band is wider
             gains = {}
@@ -315,7 +317,7 @@ class ExchangeClock:
                 if k > len(self._kept) - IN_AGREEMENT:
                     break
                 older = min(most, self._widest(self._kept[:-k]).width)
-                newer = min(most, widest_band(self._kept[-k:], band.skew, MOST_SKEW, band.skew, REACH).width)
+                newer = min(most, widest_band(self._kept[-k:], band.skew, step, band.skew, reach).width)
                 gains[k] = ((len(self._kept) - k) * (older - band.width) + k * (newer - band.width)) / band.tail
             best = max(gains, key=lambda k: gains[k], default=0)
             if not best or gains[best] < CHANGED:
