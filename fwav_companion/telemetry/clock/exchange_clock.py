@@ -37,7 +37,7 @@ SLOWEST_RATE, FASTEST_RATE = 0.1, 10.0
 FASTEST, SLOWEST = 1.0 - FASTEST_RATE, 1.0 - SLOWEST_RATE
 MOST_RATE_STEP = 0.6
 """Largest change of the rate that three exchanges show; a larger one needs IN_LINE of them."""
-GATE_SIGMAS, GATE_S = 4.0, 2e-3
+GATE_SIGMAS, GATE_S = 4.0, 1.5e-3
 MOST_SUSPECTS = 6
 CALM_S = 3.0
 """Time after a change from which the clock may be a crystal's again, s."""
@@ -50,7 +50,7 @@ CHANGED = 10.0
 exchange tests it again."""
 TRIED = 0.5
 """Log-likelihood that one exchange costs from which new lines are tried at all."""
-LONE = 60.0
+LONE = 40.0
 """Log-likelihood that one exchange costs from which it is a suspect, though its residual is within the gate."""
 RECENT_S = 10.0
 """Time for which a suspect counts as evidence of another line."""
@@ -80,6 +80,7 @@ class ExchangeClock:
         "_ref_host_ns",
         "_ref_offset_ns",
         "_suspects",
+        "_weighted",
         "accepted",
         "best_trip_s",
         "changed",
@@ -97,6 +98,8 @@ class ExchangeClock:
         """Exchanges of the last RECENT_S that contradict the line: suspects, and those that narrow the band."""
         self._band: Band | None = None
         self._fit: Line | None = None
+        self._weighted: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        """The fit weighted by round trips."""
         self._fit_t = 0.0
         """Time of the newest exchange of the fit."""
         self._ref_host_ns: HostNs | None = None
@@ -283,14 +286,18 @@ class ExchangeClock:
         fit, self._is_bent = self._fitted(self._fit), False
         if not self.changed and len(self._kept) <= ENOUGH and self._has_changed_rate():
             fit = self._fitted(None)
-        self._fit = fit
+        self._fit = self._weighted = fit
         if len(self._kept) >= LEAST_KEPT:
             band = self._widest(self._kept)
             if self._band is not None and band.worse_by(self._band.width) > TRIED:
                 band = self._without_older(band)
             self._band = band
-            covariance = Envelopes(self._kept, *self._rate_prior()).covariance(band)
-            self._fit = fit = (band.offset, band.skew, *covariance, fit[5])
+            if len(self._kept) >= LEAST_KEPT:
+                covariance = Envelopes(self._kept, *self._rate_prior()).covariance(band)
+                fit = (band.offset, band.skew, *covariance, fit[5])
+            else:  # too few to show how dense their bounds lie
+                fit = self._weighted
+            self._fit = fit
         end = self._kept[-1]
         self._fit_t = end.t
         self.best_trip_s = min([entry.trip for entry in self._kept])
@@ -324,7 +331,7 @@ class ExchangeClock:
                 break
             self._is_bent = True
             del self._kept[:-best]
-            self._fit = self._fitted(None)
+            self._fit = self._weighted = self._fitted(None)
             band = self._widest(self._kept)
         return band
 
@@ -374,8 +381,15 @@ class ExchangeClock:
         assert self.best_trip_s is not None  # noqa: S101  (locked)
         assert self._ref_host_ns is not None  # noqa: S101  (locked)
         at_ns = HostNs(self._ref_host_ns + round(entry.t * NS_PER_S))
-        sigma = sqrt(line.scatter(at_ns) + FLOOR_S**2 + fit[5] ** 2)
+        # The scatter of the weighted fit, which knows the errors of single exchanges; the band is surer than those.
+        sigma = sqrt(self._scatter((at_ns - line.ref_host_ns) * 1e-9) + FLOOR_S**2 + fit[5] ** 2)
         return GATE_SIGMAS * sigma + GATE_S + 0.5 * abs(entry.trip - self.best_trip_s) + entry.beside
+
+    def _scatter(self, dt: float) -> float:
+        """Variance of the weighted fit's offset ``dt`` seconds after its newest exchange, s^2."""
+        _, _, c00, c01, c11, _ = self._weighted
+        wander = CHANGED_WANDER if self.changed else WANDER
+        return max(0.0, c00 + dt * (2.0 * c01 + dt * (c11 + wander * wander)))
 
     def _largest_rate_error(self, skew: float) -> float:
         """Largest difference from this skew that two consecutive exchanges allow, s/s."""
