@@ -59,6 +59,8 @@ AGREEING = 2
 LEAST_WIDTH = 0.3
 """Width of a band of suspects, in least round trips, from which they are on one line."""
 LEAST_KEPT = 6
+LEAST_FOR_BAND = 8
+"""Number of exchanges from which their bounds show how dense they lie; before, the fit weighted by round trips counts."""
 CERTAIN_SIGMAS = 5.0
 """Sigmas by which the rate of a few exchanges must lie beyond a crystal's."""
 ENOUGH = 20
@@ -287,12 +289,12 @@ class ExchangeClock:
         if not self.changed and len(self._kept) <= ENOUGH and self._has_changed_rate():
             fit = self._fitted(None)
         self._fit = self._weighted = fit
-        if len(self._kept) >= LEAST_KEPT:
+        if len(self._kept) >= LEAST_FOR_BAND:
             band = self._widest(self._kept)
             if self._band is not None and band.worse_by(self._band.width) > TRIED:
                 band = self._without_older(band)
             self._band = band
-            if len(self._kept) >= LEAST_KEPT:
+            if len(self._kept) >= LEAST_FOR_BAND:
                 covariance = Envelopes(self._kept, *self._rate_prior()).covariance(band)
                 fit = (band.offset, band.skew, *covariance, fit[5])
             else:  # too few to show how dense their bounds lie
