@@ -60,7 +60,7 @@ LEAST_WIDTH = 0.3
 """Width of a band of suspects, in least round trips, from which they are on one line."""
 LEAST_KEPT = 6
 LEAST_FOR_BAND = 8
-"""Number of exchanges from which their bounds show how dense they lie; before, the fit weighted by round trips counts."""
+"""Number of exchanges from which their bounds show how dense they lie; before, the fit weighted by trips counts."""
 CERTAIN_SIGMAS = 5.0
 """Sigmas by which the rate of a few exchanges must lie beyond a crystal's."""
 ENOUGH = 20
