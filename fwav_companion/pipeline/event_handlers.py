@@ -104,6 +104,7 @@ class EventHandlers:
             self.of_telemetry(telemetry.on_exchange(result), now)
             if telemetry.clock.agreed:
                 self._components.timesync.agreed()
+                self._components.rates.open_gate(now)
             if telemetry.clock.in_doubt:
                 self._components.timesync.settle(now)
         elif isinstance(result, Outgoing) and self._live:

@@ -196,6 +196,12 @@ class Rates:
         self._share()
         return asked
 
+    def open_gate(self, now: HostNs) -> None:
+        """Try the gate at once, because it was just opened."""
+        if self._gate_ns > now:
+            self._gate_ns = HostNs(0)
+            self._wake_when_due()
+
     def notices(self) -> list[Notice]:
         """Return the log notices since the last call."""
         notices = list(self._notices)
