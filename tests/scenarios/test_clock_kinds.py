@@ -1,7 +1,7 @@
 """A whole flight of each trouble of TIMESYNC: the claim holds, the target is found, and nothing false is said."""
 
 import pytest
-from timed_flights import MS, clock_errors, miss_m, seen
+from timed_flights import MS, clock_errors, fly_and_bound, miss_m, seen
 
 from fwav_companion.types import NoticeCode
 
@@ -26,3 +26,19 @@ def test_clock_whose_answers_end_in_flight_stays_right():
     flown = seen("clock_falls_silent")
     lines = [line for line in clock_errors(flown) if line.flight_s > 1.5]
     assert all(abs(line.error_s) < 2.0 * MS for line in lines)
+
+
+@pytest.mark.parametrize("hz", [10.0, 4.0, 1.0])
+def test_clock_of_a_one_way_autopilot_is_right_to_the_least_delay(hz):
+    """Its messages alone, and as few as an unasked autopilot sends; the wire delays each by a millisecond or more."""
+    alone = {
+        "autopilot.answers": "nothing",
+        "autopilot.answers_timesync": False,
+        "autopilot.sends_timesync": False,
+        "autopilot.rates_hz": {"ATTITUDE": hz, "GLOBAL_POSITION_INT": hz, "SYSTEM_TIME": 1.0},
+    }
+    flown = fly_and_bound("silent_clock", alone)
+    lines = [line for line in clock_errors(flown) if line.flight_s > 3.0]
+    assert lines
+    assert all(abs(line.error_s) < min(3.0 * MS, 3.0 * line.sigma_s) for line in lines)
+    assert not {NoticeCode.CLOCK_RATE, NoticeCode.CLOCK_SLIPPED} & set(flown.companion.codes)

@@ -65,12 +65,11 @@ class OneShotRequests:
         else:
             self._seldom_ns.pop(message.name, None)
 
-    def on_wake(self, now: HostNs, *, parameters: bool = True) -> list[Outgoing]:
-        """Return the requests that are due. ``parameters``: whether those for parameters may leave now."""
+    def on_wake(self, now: HostNs) -> list[Outgoing]:
+        """Return the requests that are due."""
         if self._autopilot is None:
             return []
-        asked = self._ask_seldom(self._autopilot, now)
-        return [*asked, *self._ask_parameters(self._autopilot, now)] if parameters else asked
+        return [*self._ask_seldom(self._autopilot, now), *self._ask_parameters(self._autopilot, now)]
 
     def _ask_seldom(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         due = [name for name, when in self._seldom_ns.items() if when <= now]
