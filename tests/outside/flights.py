@@ -143,7 +143,7 @@ def flights() -> tuple[Observed, ...]:
         _flown("home_moves", 12.0),
         _flown("late_gps", 24.0),
         _flown("walker", 8.0, ('tracking.motion="moving"',)),
-        _flown("upside_down", 20.0, ("tracking.self_calibration=true",)),
+        _flown("upside_down", 24.0, ("tracking.self_calibration=true",)),
         _flown(
             "gimbal",
             6.0,

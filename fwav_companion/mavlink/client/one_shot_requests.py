@@ -65,11 +65,12 @@ class OneShotRequests:
         else:
             self._seldom_ns.pop(message.name, None)
 
-    def on_wake(self, now: HostNs) -> list[Outgoing]:
-        """Return the requests that are due."""
+    def on_wake(self, now: HostNs, *, parameters: bool = True) -> list[Outgoing]:
+        """Return the requests that are due. ``parameters``: whether those for parameters may leave now."""
         if self._autopilot is None:
             return []
-        return [*self._ask_seldom(self._autopilot, now), *self._ask_parameters(self._autopilot, now)]
+        asked = self._ask_seldom(self._autopilot, now)
+        return [*asked, *self._ask_parameters(self._autopilot, now)] if parameters else asked
 
     def _ask_seldom(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         due = [name for name, when in self._seldom_ns.items() if when <= now]

@@ -55,8 +55,9 @@ class Rates:
         self._named: set[str] = set()
         self._loop = RateReconciler(self._wanted, component, self._notify)
         self.gate: Callable[[HostNs], bool] | None = None
-        """Returns whether our requests may be sent now: closed while another exchange must have the link to itself.
-        None: always open."""
+        """Returns whether requests for rates and parameters may be sent now: closed while another exchange must have
+        the link to itself. The two for the home and the origin leave at the adoption, before that exchange begins,
+        because the first position replaces them. None: always open."""
         self.own_streams = OwnStreams(0, 1, {})
         """Messages whose rate is ours, with their rates without our requests."""
         self.wake_at: HostNs | None = None
@@ -189,8 +190,8 @@ class Rates:
         if self._takes_requests:
             is_open = self.gate is None or self.gate(now)
             self._gate_ns = HostNs(0 if is_open else now + GATE_NS)
-            if is_open:
-                asked = [*self._loop.reconcile(autopilot, now), *self._one_shots.on_wake(now)]
+            asked = self._loop.reconcile(autopilot, now) if is_open else []
+            asked += self._one_shots.on_wake(now, parameters=is_open)
         self._wake_when_due()
         self._share()
         return asked
