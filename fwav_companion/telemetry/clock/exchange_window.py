@@ -126,7 +126,7 @@ class ExchangeWindow:
     def narrowed_by(self, entry: Exchange) -> float:
         """By how much this exchange narrows the band beyond chance; 0 where it does not."""
         band = self._band
-        if band is None or self.changed:
+        if band is None or self.changed or not band.is_entered_by(entry, entry.t - self._fit_t):
             return 0.0
         narrower = self._widest([*self.kept, entry])
         return band.width - narrower.width if narrower.worse_by(band.width) > LONE else 0.0
@@ -157,17 +157,25 @@ class ExchangeWindow:
         self.fit, self._weighted, self._fit_t = fit, fit, self.newest.t
         if len(self.kept) < LEAST_FOR_BAND:
             return
-        band = self._widest(self.kept)
+        envelopes = self._envelopes(self.kept)
+        band = self._widest_between(envelopes)
         if self._band is not None and band.worse_by(self._band.width) > TRIED:
             band = self._without_older(band)
+            envelopes = self._envelopes(self.kept)
         self._band = band
         if len(self.kept) >= LEAST_FOR_BAND:  # fewer do not show how dense their bounds lie
-            covariance = Envelopes(self.kept, *self._rate_prior()).covariance(band)
+            covariance = envelopes.covariance(band)
             self.fit = (band.offset, band.skew, *covariance, self._weighted[5])
 
+    def _envelopes(self, exchanges: list[Exchange]) -> Envelopes:
+        """The bounds of these exchanges under the rate's prior."""
+        return Envelopes(exchanges, *self._rate_prior())
+
+    def _widest_between(self, envelopes: Envelopes) -> Band:
+        return envelopes.widest(self.fit[1], CHANGED_REACH if self.changed else REACH)
+
     def _widest(self, exchanges: list[Exchange]) -> Band:
-        """The band of these exchanges under the rate's prior."""
-        return widest_band(exchanges, *self._rate_prior(), self.fit[1], CHANGED_REACH if self.changed else REACH)
+        return self._widest_between(self._envelopes(exchanges))
 
     def _without_older(self, band: Band) -> Band:
         """The band without the exchanges before a change of the rate, where two lines are likelier than one."""

@@ -83,9 +83,9 @@ class LinkClock:
     def on_arrival(self, stamp_ns: BootNs, arrival_ns: HostNs) -> bool:
         """Take an arrival. Returns whether it began to contradict the estimate from exchanges."""
         line = self._exchanges.line
-        if line is None or self._answered is False:
+        if line is None or not self._answered:
             self._arrivals.watch(stamp_ns, arrival_ns)
-        self._arrivals.insert(stamp_ns, arrival_ns)
+            self._arrivals.insert(stamp_ns, arrival_ns)
         return self._watch.insert(stamp_ns, arrival_ns, line)
 
     def skip(self) -> None:
