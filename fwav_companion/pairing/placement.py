@@ -216,8 +216,9 @@ def _untimely(
     early_ns = capture_ns - arrival_ns
     if -latest_ns <= early_ns <= FUTURE_SLACK_NS:
         return None
-    # Rare, so the clock is evaluated only here. Near a slip its sigma is larger at the capture than at the arrival.
-    sigma_s = max(clock.sigma_s_at(arrival_ns), clock.sigma_s_at(capture_ns))
+    # Rare, so the clock is evaluated only here. Near a slip its sigma is larger at the capture than at the arrival; one
+    # after the arrival would count messages as missing that are still to come.
+    sigma_s = max(clock.sigma_s_at(arrival_ns), clock.sigma_s_at(min(capture_ns, arrival_ns)))
     doubt_ns = FUTURE_SIGMAS * sigma_s * 1e9
     if early_ns > 0:
         return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + doubt_ns else None

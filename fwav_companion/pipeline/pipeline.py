@@ -6,7 +6,7 @@ that was due earlier, with the time at which it was due, so that the machine's l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.identity import Identity
@@ -120,10 +120,6 @@ class Pipeline:
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
             self._components.timesync.on_sent(message.fields.ts1, now)
             self._components.telemetry.clock.on_request(now)
-
-    def count_sent_bytes(self, sent_bytes: Callable[[], int]) -> None:
-        """Give the clock the number of bytes sent to the autopilot so far: relayed ones may spoil an exchange."""
-        self._components.timesync.sent_bytes = sent_bytes
 
     def on_rate_requests(
         self, passed: Sequence[PassedRequest], demanded: Mapping[int, float], now: HostNs

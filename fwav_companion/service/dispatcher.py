@@ -40,7 +40,6 @@ class Dispatcher:
             for link in parts.config.link
         }
         self._first = [self.links[link.name] for link in parts.config.link if link.role == "autopilot"]
-        self._pipeline.count_sent_bytes(lambda: sum(link.status().bytes_out for link in self._first))
         self.map_link = make_map_link(parts.config, self._on_link_state)
         self._outbox = Outbox(
             self._node, self.links, map_link=self.map_link, journal=self._journal, on_fault=self._on_fault

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fwav_companion.mavlink.client.timesync import FIRST_AFTER_NS, Ignored, NotTaken, Timesync
+from fwav_companion.mavlink.client.timesync import Ignored, NotTaken, Timesync
 from fwav_companion.types import Autopilot, AutopilotKind, ClockExchange, Destination, Message, Outgoing
 
 MS, S = 10**6, 10**9
@@ -24,7 +24,7 @@ def timesync(tc1, ts1, system=5, component=1, target=None, link="fc"):
 @pytest.fixture
 def sync():
     made = Timesync(191)
-    made.adopt(ARDUPILOT, T0 - FIRST_AFTER_NS)
+    made.adopt(ARDUPILOT, T0)
     return made
 
 
@@ -113,7 +113,7 @@ def test_others_requests_are_answered_only_if_they_name_us(sync):
 
 def test_where_the_definitions_have_target_fields_they_are_filled_in():
     sync = Timesync(191, target_fields=True)
-    sync.adopt(ARDUPILOT, T0 - FIRST_AFTER_NS)
+    sync.adopt(ARDUPILOT, T0)
     asked = sync.on_wake(T0).fields
     assert (asked["target_system"], asked["target_component"]) == (5, 1)
     answer = sync.on_message(timesync(0, 1, 255, 190, target=(5, 191)), T0).fields
@@ -188,7 +188,7 @@ def test_other_requests_wait_until_exchanges_agree_and_two_seconds_at_most(sync)
 def test_ardupilots_stamp_is_the_beginning_of_the_request_on_a_serial_line(round_trip_ms, request_ms):
     """A round trip shorter than both transfers shows that the port has no baud rate, as USB."""
     sync = Timesync(191, bauds={"fc": 57600})
-    sync.adopt(ARDUPILOT, T0 - FIRST_AFTER_NS)
+    sync.adopt(ARDUPILOT, T0)
     exchange = sync.on_message(timesync(42 * S, request(sync)), T0 + round_trip_ms * MS)
     assert exchange.request_ns == pytest.approx(request_ms * MS, rel=1e-3)
 
@@ -204,12 +204,12 @@ def test_after_a_reboot_old_requests_are_void_and_it_settles_again(sync):
     ts1 = request(sync)
     sync.restart(T0 + MS)
     assert sync.on_message(timesync(9 * S, ts1), T0 + 2 * MS) == Ignored(NotTaken.NOT_OURS)
-    assert sync.wake_at == T0 + MS + FIRST_AFTER_NS
+    assert sync.wake_at == T0 + MS
 
 
 def test_the_table_of_requests_is_bounded():
     sync = Timesync(191)
-    sync.adopt(ARDUPILOT, T0 - FIRST_AFTER_NS)
+    sync.adopt(ARDUPILOT, T0)
     for count in range(10_000):
         sync.on_sent(T0 + count, T0 + count * 1000)
     assert len(sync._outstanding) <= 32
@@ -225,7 +225,7 @@ def test_nonces_spread_and_no_ts1_is_used_twice(sync):
 @given(tc1=st.integers(-(2**63), 2**63 - 1), ts1=st.integers(-(2**63), 2**63 - 1), system=st.integers(0, 255))
 def test_no_foreign_content_gives_an_exchange_or_an_answer_to_a_stranger(tc1, ts1, system):
     sync = Timesync(191)
-    sync.adopt(ARDUPILOT, T0 - FIRST_AFTER_NS)
+    sync.adopt(ARDUPILOT, T0)
     request(sync)
     got = sync.on_message(timesync(tc1, ts1, system), T0 + MS)
     assert not isinstance(got, ClockExchange)

@@ -59,6 +59,11 @@ class RateReconciler:
         """Whether the autopilot answers GET_MESSAGE_INTERVAL; None: not known yet."""
         self._has_answered = self._command_known = self.is_unsupported = self._by_group = False
 
+    @property
+    def is_unanswered(self) -> bool:
+        """Whether the questions about rates had no answer of any kind."""
+        return self._states_rates is False and not self._has_answered
+
     def wish_again(self, autopilot: Autopilot) -> None:
         """Note the stations' rates to request again, because a reboot lost them: groups as one message each."""
         heeds_groups = heeds_group_requests(autopilot)

@@ -56,8 +56,8 @@ class Rates:
         self._loop = RateReconciler(self._wanted, component, self._notify)
         self.gate: Callable[[HostNs], bool] | None = None
         """Returns whether requests for rates and parameters may be sent now: closed while another exchange must have
-        the link to itself. The two for the home and the origin leave at the adoption, before that exchange begins,
-        because the first position replaces them. None: always open."""
+        the link to itself. The two for the home and the origin pass, because the first position replaces them.
+        None: always open."""
         self.own_streams = OwnStreams(0, 1, {})
         """Messages whose rate is ours, with their rates without our requests."""
         self.wake_at: HostNs | None = None
@@ -77,7 +77,7 @@ class Rates:
             return ""
         if RequestState.UNSUPPORTED in states:
             return "takes no rate requests"
-        if RequestState.UNANSWERED in states:
+        if RequestState.UNANSWERED in states or self._loop.is_unanswered:
             return "answers no rate request"
         return "refuses rate requests" if RequestState.REFUSED in states else ""
 

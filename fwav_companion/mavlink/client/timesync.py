@@ -23,9 +23,6 @@ from fwav_companion.types.telemetry import ClockExchange
 DOUBT_INTERVAL_NS = 100 * NS_PER_MS
 """Interval until three exchanges agree, and while the clock is in doubt: ten requests a second."""
 INTERVAL_NS = NS_PER_S
-FIRST_AFTER_NS = 100 * NS_PER_MS
-"""Time from the adoption to the first request: those for the home and the origin leave first, and have passed by then.
-"""
 DOUBT_NS = NS_PER_S // 2
 """Time after the last doubtful answer for which requests stay frequent."""
 UNANSWERED, ONE_WAY_INTERVAL_NS = 20, 10 * NS_PER_S
@@ -134,8 +131,8 @@ class Timesync:
         self._jitter_ns = 0.0
         self._answered = False
         self._unanswered = 0
-        self.held_until_ns = HostNs(now + FIRST_AFTER_NS + HELD_BACK_UNANSWERED_NS)
-        self.wake_at = HostNs(now + FIRST_AFTER_NS)
+        self.held_until_ns = HostNs(now + HELD_BACK_UNANSWERED_NS)
+        self.wake_at = now
 
     def settle(self, now: HostNs) -> None:
         """Request ten times a second for a while, because the clock is in doubt."""
