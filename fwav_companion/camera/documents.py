@@ -12,6 +12,8 @@ LONGEST_FILE_CHARACTERS: Final = 1_000_000
 """A camchain of eight cameras has 6000."""
 OCAMCALIB: Final = "DIRECT mapping function"
 """Heading of an OCamCalib file, which has neither keys nor another mark."""
+OCAMCALIB_TABLES: Final = ("polynomial", "inverse", "center", "affine", "size")
+"""Its tables in their order."""
 STAMP_KEYS: Final = ("header", "seq", "stamp")
 """Keys that differ between recorded messages of one camera."""
 
@@ -21,10 +23,10 @@ def document(text: str, name: str, accepted: str) -> dict[str, Any]:
     if len(text) > LONGEST_FILE_CHARACTERS:
         raise InputFileError(f"{name}: {len(text)} characters; {accepted}")
     if OCAMCALIB in text:
-        raise InputFileError(
-            f"{name}: a file of OCamCalib, whose polynomial runs from pixels to rays; calibrate from the same pictures "
-            "with: fwav-companion calibrate PICTURES --board chessboard:9x6:25mm --out camera.yaml"
-        )
+        tables = _ocamcalib_tables(text)
+        if not tables:
+            raise InputFileError(f"{name}: not a whole calib_results.txt of OCamCalib; {accepted}")
+        return tables
     mappings = [_python_mapping(text, name, accepted)] if _is_mrcal(text) else _yaml_mappings(text, name, accepted)
     if not mappings:
         raise InputFileError(f"{name}: no keys and values in it; {accepted}")
@@ -34,6 +36,18 @@ def document(text: str, name: str, accepted: str) -> dict[str, Any]:
             f"{name}: {len(mappings)} documents, separated by ---, of different cameras; accepted: the one that flies"
         )
     return mappings[0]
+
+
+def _ocamcalib_tables(text: str) -> dict[str, Any]:
+    """The tables of an OCamCalib file, named by comments alone; {} where some are missing."""
+    lines = [line.split() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    try:
+        tables = [[float(word) for word in line] for line in lines]
+    except ValueError:
+        return {}
+    return (
+        {"ocamcalib": dict(zip(OCAMCALIB_TABLES, tables, strict=True))} if len(tables) == len(OCAMCALIB_TABLES) else {}
+    )
 
 
 def _is_mrcal(text: str) -> bool:

@@ -42,6 +42,10 @@ class Fields:
             raise self.refusal(key, "a mapping of keys")
         return Fields(found, self.name, f"{self._path}{key}.")
 
+    def plain(self, key: str) -> Any:
+        """What stands under this key as it is; None where it is missing."""
+        return self._mapping.get(key)
+
     def text(self, key: str) -> str:
         """The text under this key."""
         found = self._mapping.get(key)

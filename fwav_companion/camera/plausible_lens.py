@@ -9,6 +9,7 @@ from typing import Final
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.fields import Fields
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
+from fwav_companion.camera.sphere_lens import SphereLens
 from fwav_companion.types import NoRay
 
 LARGEST_TANGENTIAL: Final = 0.02
@@ -33,7 +34,7 @@ def require_pinhole_terms(fields: Fields, key: str, model_key: str, d: Sequence[
     raise fields.refusal(key, says)
 
 
-def require_monotonic(fields: Fields, key: str, lens: BrownConrady | KannalaBrandt) -> None:
+def require_monotonic(fields: Fields, key: str, lens: BrownConrady | KannalaBrandt | SphereLens) -> None:
     """Refuse a radial function that turns back inside the image: two rays of one pixel."""
     width, height = lens.image_size
     if isinstance(lens, BrownConrady):

@@ -31,8 +31,6 @@ MODEL_KEYS = (
 )
 """Keys of the model's name; the last two are OpenCV's own sample's, 1 or 0."""
 SIZE_KEYS = (("image_width", "image_height"), ("width", "height"), ("image_Width", "image_Height"))
-KALIBR_COMMAND = "kalibr_calibrate_cameras --bag BAG --topics TOPIC --target TARGET.yaml --models pinhole-equi"
-"""Fits the fisheye model; Kalibr has no command that converts between its models."""
 FISHEYE_NAMES = ("equidistant", "fisheye")
 PINHOLE_COUNTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "radtan": (4,), "none": (0,)}
 """Number of coefficients by model name. Kalibr's radtan is a plumb_bob of four."""
@@ -65,13 +63,9 @@ def kalibr_camera(fields: Fields, wanted: str) -> Fields:
 
 
 def kalibr_lens(fields: Fields) -> Lens:
-    """The lens of a Kalibr pinhole with its distortion model; omni, ds and eucm are other projections."""
+    """The lens of a Kalibr pinhole with its distortion model; omni, ds and eucm are read by ``sphere_files``."""
     if fields.text("camera_model") != "pinhole":
-        raise fields.refusal(
-            "camera_model",
-            "pinhole, with distortion_model equidistant or radtan; calibrate again from the same bag: "
-            f"{KALIBR_COMMAND}",
-        )
+        raise fields.refusal("camera_model", "pinhole with distortion_model equidistant or radtan, omni, ds or eucm")
     fu, fv, pu, pv = fields.numbers("intrinsics", 4)
     if min(fu, fv) <= 0.0:
         raise fields.refusal("intrinsics", "[fu, fv, pu, pv] with positive fu and fv")
@@ -100,7 +94,7 @@ def kalibr_mount(fields: Fields) -> Matrix3:
 
 def ros_lens(fields: Fields) -> Lens:
     """The lens of a ROS camera_info, as a file or as a message. Its projection matrix is for rectified pixels only."""
-    size = _image_size(fields)
+    size = image_size_of(fields)
     _refuse_part_of_sensor(fields, size)
     matrix = camera_matrix(fields, _first(fields, ("camera_matrix", "K", "k")), size)
     coefficients = _first(fields, ("distortion_coefficients", "D", "d"))
@@ -108,8 +102,8 @@ def ros_lens(fields: Fields) -> Lens:
 
 
 def camodocal_lens(fields: Fields) -> Lens:
-    """The lens of a camodocal file: its k2 to k5 are OpenCV's k1 to k4, its mu and mv pixels a radian; k1 is 1."""
-    size = _image_size(fields)
+    """The lens of a camodocal fisheye or pinhole: its k2 to k5 are OpenCV's k1 to k4, its mu and mv pixels a radian."""
+    size = image_size_of(fields)
     if fields.text("model_type") == "KANNALA_BRANDT":
         numbers = fields.below("projection_parameters")
         focal = (numbers.positive("mu"), numbers.positive("mv"))
@@ -126,7 +120,7 @@ def camodocal_lens(fields: Fields) -> Lens:
         return distorted_lens(terms, "plumb_bob", keys=("model_type", "p1"), d=d, matrix=matrix)
     raise fields.refusal(
         "model_type",
-        "KANNALA_BRANDT or PINHOLE; calibrate again: "
+        "KANNALA_BRANDT, PINHOLE or MEI; calibrate again: "
         "intrinsic_calib -i PICTURES -p PREFIX -w COLUMNS -h ROWS -s SQUARE_MM --camera-model kannala-brandt",
     )
 
@@ -139,7 +133,7 @@ def opencv_lens(fields: Fields) -> Lens:
             "model",
             "a model: line of fisheye, plumb_bob or rational_polynomial next to the matrices, which do not name it",
         )
-    matrix = camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
+    matrix = camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), image_size_of(fields))
     return _distorted_lens(fields, named, _first(fields, OPENCV_DISTORTION_KEYS), matrix)
 
 
@@ -199,7 +193,8 @@ def _matrix_key(fields: Fields) -> str:
     return _first(fields, (*OPENCV_MATRIX_KEYS, "k", "intrinsics"))
 
 
-def _image_size(fields: Fields) -> tuple[int, int]:
+def image_size_of(fields: Fields) -> tuple[int, int]:
+    """The image size under any of the tools' keys."""
     for key in ("image_size", "imageSize"):
         if key in fields:
             return fields.size(key)

@@ -5,6 +5,8 @@ from math import cos, pi, radians, sin
 from hypothesis import strategies as st
 
 from fwav_companion.camera import BrownConrady, KannalaBrandt
+from fwav_companion.camera.sphere_lens import SphereLens
+from fwav_companion.camera.sphere_models import DoubleSphere, ExtendedUnified, RayPolynomial, Unified
 
 PAPER = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (640, 480))
 LENSES = {
@@ -21,6 +23,24 @@ LENSES = {
     ),
     "barrel that folds inside the image": BrownConrady(
         (300.0, 300.0), (320.0, 240.0), (-0.4, 0.0, 0.0, 0.0), (640, 480)
+    ),
+    "omni with radtan": SphereLens(
+        Unified(0.80065662),
+        BrownConrady((833.006, 830.345), (373.85, 253.749), (-0.335, 0.132, 0.00056, 0.00058), (752, 480)),
+    ),
+    "omni of a whole mirror": SphereLens(
+        Unified(1.2), BrownConrady((420.0, 421.0), (512.0, 509.0), (0.0,) * 4, (1024, 1024))
+    ),
+    "double sphere": SphereLens(
+        DoubleSphere(-0.172, 0.593), BrownConrady((158.28, 158.27), (254.96, 256.88), (0.0,) * 4, (512, 512))
+    ),
+    "extended unified": SphereLens(
+        ExtendedUnified(0.631, 1.04), BrownConrady((380.0, 379.0), (320.0, 240.0), (0.0,) * 4, (640, 480))
+    ),
+    "OCamCalib": SphereLens(
+        RayPolynomial((0.0, -0.456, 0.208, -0.1642)),
+        BrownConrady((206.5, 206.6), (394.55, 241.8), (0.0,) * 4, (752, 480), skew=0.0003),
+        roll=-0.0002,
     ),
 }
 
