@@ -2,12 +2,14 @@
 
 from math import radians
 
+import msgspec
 import numpy as np
 import pytest
+from handmade import a_fix
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
-from fwav_companion.pairing.anchors import anchor_of, foot_pixel, marker_centre
+from fwav_companion.pairing.anchors import anchor_of, anchored, foot_pixel, marker_centre
 from fwav_companion.types import Detection, StandingTarget
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
@@ -42,6 +44,32 @@ def test_the_foot_of_a_pole_is_where_its_box_ends_toward_the_nadir(angle_deg, az
     edges = {0.0: box[3], 180.0: box[1]} if roll_deg == 0.0 else {}
     if azimuth_deg in edges:
         assert foot[1] == pytest.approx(edges[azimuth_deg], abs=0.01)
+
+
+def seen(detection, ned_from_camera):
+    """The sighting of a detection by a camera of this attitude."""
+    ray = LENS.camera_ray_and_derivatives_from_pixel(400.0, 398.0)
+    sighting = a_fix(0.0, (0.0, 0.0, 0.0)).sighting
+    return msgspec.structs.replace(
+        sighting, detection=detection, ray=ray, ned_from_camera=ned_from_camera, pixel_sigma=detection.sigma
+    )
+
+
+@pytest.mark.parametrize(("azimuth_deg", "axis"), [(0.0, 1), (180.0, 1), (90.0, 0), (270.0, 0)])
+def test_the_edge_that_shows_the_foot_is_less_certain_than_the_centre(azimuth_deg, axis):
+    """The pole's image runs along v ahead and behind, along u aside: across that edge the sigma is 1.5 to 2 times."""
+    ned_from_camera, pixels = pole(40.0, azimuth_deg)
+    person = StandingTarget(label="person", height_m=1.7, anchor="bottom")
+    detection = Detection(1.0, 1.0, sigma=(2.0, 3.0), box=box_of(pixels))
+    found = anchored(seen(detection, ned_from_camera), person, LENS)
+    expected = [2.0, 3.0]
+    expected[axis] *= found.pixel_sigma[axis] / expected[axis]
+    assert found.pixel_sigma == pytest.approx(expected)
+    assert 1.5 <= found.pixel_sigma[axis] / (2.0, 3.0)[axis] <= 2.0
+    assert found.anchor_height_m == 0.0
+    assert found.anchor_sigma_m == pytest.approx(1.7 * np.sqrt(0.1**2 / 3.0), rel=0.01), "ends 0 to 10 % early"
+    centred = anchored(seen(detection, ned_from_camera), msgspec.structs.replace(person, anchor="center"), LENS)
+    assert centred.pixel_sigma == (2.0, 3.0)
 
 
 @pytest.mark.parametrize(
