@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+
+import msgspec
 
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
-from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence
+from fwav_companion.tracking.detector_ids import NO_IDS, IdEvidence, IdTrust
+from fwav_companion.tracking.id_association import NO_TRUST, trust_after, with_ids
 from fwav_companion.tracking.joint_association import doubtful_fixes, jointly_gated, learn_decided
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.pair_costs import Candidate, Costs, TracksAndFixes, possible_costs, unambiguous_pairs
@@ -23,6 +26,15 @@ LEFT = 1e-2
 LAST, so that the steady track mostly comes before a tentative track."""
 
 
+class Association(msgspec.Struct, frozen=True):
+    """Result of the association of tracks with the fixes of a frame, by candidate index."""
+
+    pairs: Mapping[int, tuple[int, float]]
+    """Fix index, each at most once, and the fix's log-likelihood ratio against clutter."""
+    id_trust: Mapping[int, IdTrust] = NO_TRUST
+    """Trust in the detector's id of that fix; empty where no track has an id."""
+
+
 def associate(
     candidates: Sequence[Candidate],
     fixes: Sequence[GroundFix],
@@ -30,8 +42,8 @@ def associate(
     could_see: Callable[[Vector3], bool] | None = None,
     joint: JointGate | None = None,
     ids: IdEvidence = NO_IDS,
-) -> dict[int, tuple[int, float]]:
-    """Map of candidate index to fix index, each at most once, and the fix's log-likelihood ratio against clutter.
+) -> Association:
+    """The association of the fixes of a frame with the tracks.
 
     ``candidates``: at least one, all with the same filter.
     ``could_see``: whether a place is in view. A target in view without a fix was missed; a target out of view was not.
@@ -46,7 +58,8 @@ def associate(
     taken = _taken(costs, frame, could_see, ids)
     if joint is not None and doubtful:
         learn_decided(taken, costs, frame, joint)
-    return {i: (j, 0.5 * (min(-costs[i, j], frame.clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
+    pairs = {i: (j, 0.5 * (min(-costs[i, j], frame.clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
+    return Association(pairs, trust_after(taken, costs, frame, ids))
 
 
 def _taken(
@@ -57,7 +70,7 @@ def _taken(
     if len(alone) == len(costs):
         return alone
     contested = {(i, j): cost for (i, j), cost in costs.items() if i not in alone}
-    prior = _with_ids(_with_priority(_with_misses(contested, frame, could_see), frame), frame, ids)
+    prior = with_ids(_with_priority(_with_misses(contested, frame, could_see), frame), frame, ids)
     return dict(sorted([*_assigned(prior).items(), *alone.items()]))
 
 
@@ -93,16 +106,6 @@ def _with_priority(costs: Costs, frame: TracksAndFixes) -> Costs:
     return {
         (i, j): cost if confirmed[i] else min(cost + CONFIRMED_BONUS, LAST * cost) for (i, j), cost in costs.items()
     }
-
-
-def _with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
-    """The costs, less the bonus of pairs whose track and fix have one id."""
-    if not [track for track in frame.candidates if track.detector_id is not None]:
-        return costs
-    bonus = ids.bonus
-    of_fix = [fix.sighting.detection.detector_id for fix in frame.fixes]
-    same = {(i, j) for i, j in costs if of_fix[j] is not None and of_fix[j] == frame.candidates[i].detector_id}
-    return {pair: cost - bonus if pair in same else cost for pair, cost in costs.items()}
 
 
 def _assigned(costs: Costs) -> dict[int, int]:

@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.association import associate
 from fwav_companion.tracking.clutter import clutter
+from fwav_companion.tracking.detector_ids import IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.lifecycle import is_steady
@@ -28,6 +29,8 @@ class FrameAssociation(msgspec.Struct, frozen=True):
 
     taken: Taken = {}
     branchings: reacquisition.Branchings = {}
+    id_trust: dict[int, IdTrust] = {}
+    """Trust in the detector's id of the fix that a track took, by track id."""
 
     def unused(self, fixes: Sequence[GroundFix]) -> list[GroundFix]:
         """The fixes of the frame that are assigned to no track."""
@@ -42,14 +45,15 @@ def associated(
     if not (tracks and view.fixes):
         return FrameAssociation()
     against = clutter(detector, view.image_px2)
-    pairs = associate(_candidates(tracks, view, choice), view.fixes, against, view.could_see, joint, detector.ids)
-    taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
+    found = associate(_candidates(tracks, view, choice), view.fixes, against, view.could_see, joint, detector.ids)
+    taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in found.pairs.items()}
+    id_trust = {tracks[i].id: trust for i, trust in found.id_trust.items()}
     if len(tracks) + len(view.fixes) > MAX_TRACKS:  # a branch must not take the place of a target
-        return FrameAssociation(taken)
+        return FrameAssociation(taken, id_trust=id_trust)
     branchings = reacquisition.weak_evidence(tracks, taken, detector)
     for track, _ in branchings.values():
         del taken[track.id]
-    return FrameAssociation(taken, branchings)
+    return FrameAssociation(taken, branchings, id_trust)
 
 
 def _candidates(tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice) -> list[Candidate]:
@@ -63,6 +67,7 @@ def _candidates(tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoi
             choice.calibrated(track),
             confirmed=track.id in first,
             steady=is_steady(track.life, view.host_ns),
+            id_trust=track.id_trust,
         )
         for track in tracks
     ]

@@ -7,7 +7,7 @@ is not evidence of another target.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import dist, hypot
 
 import msgspec
@@ -15,6 +15,7 @@ import msgspec
 from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.vectors import Vector3, dot, norm, subtract, transform
 from fwav_companion.tracking import reacquisition
+from fwav_companion.tracking.detector_ids import CERTAIN, IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.frame_association import Taken
@@ -63,6 +64,8 @@ class FrameUpdate(msgspec.Struct, frozen=True):
     corrects: bool
     """Whether self-calibration moves the tracks."""
     reports_innovations: bool
+    id_trust: Mapping[int, IdTrust] = {}
+    """Trust in the detector's id of the fix that a track took, by track id."""
 
     def after(self, predicted: Sequence[LiveTrack], taken: Taken) -> tuple[list[LiveTrack], list[LiveTrack]]:
         """The tracks after the frame, and the tracks of ``predicted`` that the frame missed."""
@@ -101,7 +104,8 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         """The track after a frame with a fix for it. ``missed``: confirmed tracks whose displaced fix this may be."""
         if not (track.confirmed or track.branch_of) and missed.may_explain(fix):
             llr = min(llr, 0.0)
-        after = track.updated(self.view.host_ns, fix, llr, self.detector)
+        trust = self.id_trust.get(track.id, CERTAIN).trust
+        after = track.updated(self.view.host_ns, fix, llr, self.detector, id_trust=trust)
         if not self.reports_innovations:
             return after
         apparent = msgspec.structs.replace(self.choice, vehicle=None)

@@ -15,6 +15,7 @@ import msgspec
 
 from fwav_companion.tracking.clutter import Clutter
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
+from fwav_companion.tracking.detector_ids import CERTAIN_TRUST
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
 from fwav_companion.tracking.filters.gates import GATE
@@ -40,6 +41,8 @@ class Candidate(msgspec.Struct, frozen=True, gc=False):
     """Whether the track is confirmed, or the branch of a confirmed one."""
     steady: bool = True
     """Whether the track is confirmed and was detected recently, so that its shared errors are those of this frame."""
+    id_trust: float = CERTAIN_TRUST
+    """Trust in ``detector_id``: twice the log-odds that it is of this target."""
 
 
 class TracksAndFixes(msgspec.Struct, frozen=True):

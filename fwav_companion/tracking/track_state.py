@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import dist
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
+from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
@@ -34,6 +35,8 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """Fix of the newest frame; None where the frame brought none."""
     detector_id: int | None = None
     """The detector's id of the last fix that had one."""
+    id_trust: float = CERTAIN_TRUST
+    """Trust in ``detector_id``: twice the log-odds that it is of this target."""
     looked_for: bool = False
     """Whether the newest frame covers the target, although it brought no fix of it."""
     innovation: Innovation | None = None
@@ -56,9 +59,18 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         return dist(self.last_fix.position_ned, self.last_fix.sighting.camera_ned)
 
     def updated(
-        self, host_ns: HostNs, fix: GroundFix, log_likelihood_ratio: float, detector: DetectorModel
+        self,
+        host_ns: HostNs,
+        fix: GroundFix,
+        log_likelihood_ratio: float,
+        detector: DetectorModel,
+        *,
+        id_trust: float = CERTAIN_TRUST,
     ) -> LiveTrack:
-        """The track after an update with a fix. ``log_likelihood_ratio``: that of the fix, target against clutter."""
+        """The track after an update with a fix. ``log_likelihood_ratio``: that of the fix, target against clutter.
+
+        ``id_trust``: trust in the detector's id of the fix.
+        """
         detector_id = fix.sighting.detection.detector_id
         return msgspec.structs.replace(
             self,
@@ -67,6 +79,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
             last_fix=fix,
             fix=fix,
             detector_id=self.detector_id if detector_id is None else detector_id,
+            id_trust=self.id_trust if detector_id is None else id_trust,
         )
 
     def deleted(self, reason: Reason) -> LiveTrack:
@@ -156,9 +169,11 @@ def detector_after(
     after: Sequence[LiveTrack],
     *,
     refused: int,
+    id_trust: Mapping[int, IdTrust],
 ) -> DetectorModel:
     """The detector model after a frame. ``after``: the same tracks in order, then those that the frame initiated.
 
+    ``id_trust``: trust in the detector's ids of the fixes, by track id.
     ``refused``: number of fixes for which the track table had no room.
     The fixes of a tentative track count by the probability that the track is clutter: a first photograph of twenty
     animals is not evidence of twenty false detections.
@@ -167,7 +182,8 @@ def detector_after(
     ids = []
     for old, now in zip(before, after, strict=False):
         if now.fix is not None and old.detector_id is not None:
-            ids.append((old.detector_id, now.fix.sighting.detection.detector_id))
+            met = id_trust.get(old.id, CERTAIN).met
+            ids.append((old.detector_id, now.fix.sighting.detection.detector_id, met))
         if now.fix is not None and old.life.confirmed_ns is not None:
             detections = now.life.detections - old.life.detections
             hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)

@@ -127,7 +127,9 @@ class Tracker:
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
         found = associated(predicted, view, choice, joint, state.detector)
-        update = FrameUpdate(view, choice, state.detector, self._keep_ns, self._corrects, self.reports_innovations)
+        update = FrameUpdate(
+            view, choice, state.detector, self._keep_ns, self._corrects, self.reports_innovations, found.id_trust
+        )
         after, missed = update.after(predicted, found.taken)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(
@@ -136,7 +138,9 @@ class Tracker:
         begun = Begun(merging.merged(after, choice.target), state.next_id)
         if len(found.taken) < len(view.fixes):
             begun = self._begun(begun, predicted, found, view, landmarks)
-        detector = detector_after(state.detector, view.host_ns, predicted, begun.tracks, refused=begun.refused)
+        detector = detector_after(
+            state.detector, view.host_ns, predicted, begun.tracks, refused=begun.refused, id_trust=found.id_trust
+        )
         tracks = begun.tracks
         if landmarks is not None:
             tracks, landmarks = _by_landmarks(tracks, view, landmarks)

@@ -86,6 +86,81 @@ def test_crossing_walkers_swap_less_with_ids_than_without():
     assert seldom_wrong <= without / 2
 
 
+def drawn(seed):
+    """An encounter of its own: half the closing speed, the noise of places, and how far the walkers miss each other."""
+    rng = np.random.default_rng(seed + 5000)
+    return {"across_m_s": rng.uniform(0.1, 0.5), "noise_m": rng.uniform(0.15, 0.5), "miss_m": rng.uniform(-0.4, 0.4)}
+
+
+def drawn_ways(encounter, t):
+    across = encounter["across_m_s"] * (t - MEET_S)
+    return np.array([[SPEED_M_S * t, across], [SPEED_M_S * t + encounter["miss_m"], -across]])
+
+
+def is_swapped(seed, exchanged):
+    """Whether a drawn encounter ends with a swapped or lost track. ``exchanged``: probability that the detector's
+    tracker exchanges its ids within a second of it; None: no ids."""
+    encounter, rng, of_ids = drawn(seed), np.random.default_rng(seed), np.random.default_rng(seed + 1000)
+    exchange_s = MEET_S + of_ids.uniform(-1.0, 1.0) if of_ids.random() < (exchanged or 0.0) else np.inf
+    tracker, noise_m, first = make_tracker(TrackingOptions(motion="moving"), NO_BIAS), encounter["noise_m"], {}
+
+    def owner_of(track, t):
+        off = drawn_ways(encounter, t) - np.array(track.position_ned[:2])
+        return int(np.argmin(np.linalg.norm(off, axis=1)))
+
+    for k in range(FPS * SECONDS):
+        t = k / FPS
+        numbers = (None, None) if exchanged is None else (21, 22) if t < exchange_s else (22, 21)
+        places = drawn_ways(encounter, t) + rng.normal(0.0, noise_m, (2, 2))
+        cov = np.diag([noise_m**2, noise_m**2, 0.0])
+        fixes = [a_fix(t, (*at, 0.0), cov, detector_id=number) for at, number in zip(places, numbers, strict=True)]
+        tracks = {track.id: track for track in tracker.on_frame(a_view(t, *fixes[:: 1 if rng.random() < 0.5 else -1]))}
+        if k == 2 * FPS:
+            first = {n: owner_of(track, t) for n, track in tracks.items() if track.confirmed_host_ns is not None}
+    return any(n not in tracks or owner_of(tracks[n], t) != owner for n, owner in first.items())
+
+
+@pytest.mark.slow
+def test_ids_exchanged_at_encounters_hurt_nothing_and_those_that_persist_help():
+    """Sixty encounters: with ids exchanged in every second one there are no more swaps than without ids."""
+    swapped = {kind: sum(is_swapped(seed, kind) for seed in range(60)) for kind in (None, 0.0, 0.2, 0.5)}
+    assert swapped[None] >= 8, "encounters in which places alone fail"
+    assert swapped[0.0] <= swapped[None] / 2
+    assert swapped[0.2] < swapped[None]
+    assert swapped[0.5] <= swapped[None]
+
+
+def trusts(frames, ids):
+    """Trust in the ids of two standing tracks 0.8 m apart, after frames with these displacements and ids."""
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(20):
+        tracker.on_frame(
+            a_view(k / FPS, *(a_fix(k / FPS, (4.0 + 0.8 * i, 3.0, 0.0), detector_id=10 + i) for i in (0, 1)))
+        )
+    found = []
+    for k, (shifts, numbers) in enumerate(zip(frames, ids, strict=True), start=20):
+        fixes = [
+            a_fix(k / FPS, (4.0 + 0.8 * i + shift, 3.0, 0.0), detector_id=number)
+            for i, (shift, number) in enumerate(zip(shifts, numbers, strict=True))
+        ]
+        tracker.on_frame(a_view(k / FPS, *fixes))
+        found.append([(track.detector_id, track.id_trust) for track in tracker.snapshot().alive])
+    return found
+
+
+def test_trust_falls_where_places_contradict_and_recovers_where_they_agree():
+    still, towards = (0.0, 0.0), (0.41, -0.41)  # the places are all but exchanged, and then as before
+    (at_first, contradicted, later) = trusts([still, towards, still], [(10, 11)] * 3)
+    assert [number for number, _ in at_first + contradicted + later] == [10, 11] * 3
+    assert all(now < before for (_, before), (_, now) in zip(at_first, contradicted, strict=True))
+    assert all(now > before for (_, before), (_, now) in zip(contradicted, later, strict=True))
+
+
+def test_ids_exchanged_while_places_are_plain_are_adopted():
+    (_, after) = trusts([(0.0, 0.0)] * 2, [(11, 10), (11, 10)])
+    assert [number for number, _ in after] == [11, 10]
+
+
 def alike(one, other):
     return [[(track.id, track.position_ned, track.state) for track in tracks] for tracks in one] == [
         [(track.id, track.position_ned, track.state) for track in tracks] for tracks in other
