@@ -8,14 +8,10 @@ import json
 import socket
 import sys
 
-import gi
 import pyds
+from gi.repository import Gst
 
-gi.require_version("Gst", "1.0")
-from gi.repository import Gst  # noqa: E402
-
-COMPANION = ("127.0.0.1", 14601)
-UNTRACKED = 0xFFFFFFFFFFFFFFFF
+COMPANION, UNTRACKED = ("127.0.0.1", 14601), 0xFFFFFFFFFFFFFFFF
 
 
 def metas(pointer, kind):
@@ -30,39 +26,24 @@ def found(frame):
     for thing in metas(frame.obj_meta_list, pyds.NvDsObjectMeta):
         left, top = thing.rect_params.left - 0.5, thing.rect_params.top - 0.5
         box = [left, top, left + thing.rect_params.width, top + thing.rect_params.height]
-        place = {"u": (box[0] + box[2]) / 2, "v": (box[1] + box[3]) / 2, "box": box}
-        score = {"score": thing.confidence} if thing.confidence >= 0.0 else {}
-        tracked = {"id": thing.object_id} if thing.object_id != UNTRACKED else {}
-        yield {**place, **score, **tracked, "label": thing.obj_label}
+        named = {"label": thing.obj_label, "score": max(0.0, thing.confidence), "box": box}
+        tracked = {} if thing.object_id == UNTRACKED else {"id": thing.object_id}
+        yield {"u": (box[0] + box[2]) / 2, "v": (box[1] + box[3]) / 2, **named, **tracked}
 
 
-def frames(buffer, base_time_ns):
-    """Frames as the companion takes them. A buffer's time counts from the pipeline's start, on CLOCK_MONOTONIC."""
-    batch = pyds.gst_buffer_get_nvds_batch_meta(hash(buffer))
-    for frame in metas(batch.frame_meta_list, pyds.NvDsFrameMeta):
-        yield {
-            "time_monotonic": (base_time_ns + frame.buf_pts) / 1e9,
-            "frame": frame.frame_num,
-            "size": [frame.source_frame_width, frame.source_frame_height],
-            "detections": list(found(frame)),
-        }
-
-
-def send_all(description, companion):
-    """Run the pipeline until it ends, and send each frame."""
-    Gst.init(None)
-    pipeline = Gst.parse_launch(description)
-
-    def on_buffer(_pad, info):
-        for frame in frames(info.get_buffer(), pipeline.get_base_time()):
-            companion.sendto(json.dumps(frame).encode(), COMPANION)
-        return Gst.PadProbeReturn.OK
-
-    pipeline.get_by_name("found").get_static_pad("sink").add_probe(Gst.PadProbeType.BUFFER, on_buffer)
-    pipeline.set_state(Gst.State.PLAYING)
-    pipeline.get_bus().timed_pop_filtered(Gst.CLOCK_TIME_NONE, Gst.MessageType.ERROR | Gst.MessageType.EOS)
+def on_buffer(_pad, info, base_time_ns, companion):
+    """Send the frames of a buffer. Its time counts from the pipeline's start, on CLOCK_MONOTONIC."""
+    for each in metas(pyds.gst_buffer_get_nvds_batch_meta(hash(info.get_buffer())).frame_meta_list, pyds.NvDsFrameMeta):
+        sent = {"time_monotonic": (base_time_ns() + each.buf_pts) / 1e9, "detections": list(found(each))}
+        sent["size"] = [each.source_frame_width, each.source_frame_height]
+        companion.sendto(json.dumps(sent).encode(), COMPANION)
+    return Gst.PadProbeReturn.OK
 
 
 if __name__ == "__main__":
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as to_companion:
-        send_all(sys.argv[1], to_companion)
+    Gst.init(None)
+    pipeline, sender = Gst.parse_launch(sys.argv[1]), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sink = pipeline.get_by_name("found").get_static_pad("sink")
+    sink.add_probe(Gst.PadProbeType.BUFFER, on_buffer, pipeline.get_base_time, sender)
+    pipeline.set_state(Gst.State.PLAYING)
+    pipeline.get_bus().timed_pop_filtered(Gst.CLOCK_TIME_NONE, Gst.MessageType.ERROR | Gst.MessageType.EOS)

@@ -20,42 +20,26 @@ def found(detection):
     """One detection, by its likeliest hypothesis. Boxes count edges of pixels, half a pixel from our centres."""
     best = max((result.hypothesis for result in detection.results), key=lambda each: each.score, default=None)
     u, v = detection.bbox.center.position.x - 0.5, detection.bbox.center.position.y - 0.5
-    half_width, half_height = detection.bbox.size_x / 2, detection.bbox.size_y / 2
+    across, along = detection.bbox.size_x / 2, detection.bbox.size_y / 2
     named = {} if best is None else {"label": best.class_id, "score": min(1.0, best.score)}
     tracked = {"id": int(detection.id)} if detection.id.isdigit() else {}
-    return {
-        "u": u,
-        "v": v,
-        "box": [u - half_width, v - half_height, u + half_width, v + half_height],
-        **named,
-        **tracked,
-    }
+    return {"u": u, "v": v, "box": [u - across, v - along, u + across, v + along], **named, **tracked}
 
 
 def frame_of(message, size):
     """The frame as the companion takes it; one without detections counts too."""
-    stamp = message.header.stamp
-    return {
-        "time_unix": stamp.sec + stamp.nanosec / 1e9,
-        "size": size,
-        "detections": [found(each) for each in message.detections],
-    }
-
-
-class Sender(Node):
-    """Sends each message on."""
-
-    def __init__(self, topic, size):
-        super().__init__("detections_to_companion")
-        self._companion = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._size = size
-        self.create_subscription(Detection2DArray, topic, self.on_detections, qos_profile_sensor_data)
-
-    def on_detections(self, message):
-        """Send one message on."""
-        self._companion.sendto(json.dumps(frame_of(message, self._size)).encode(), COMPANION)
+    time_unix = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
+    return {"time_unix": time_unix, "size": size, "detections": [found(each) for each in message.detections]}
 
 
 if __name__ == "__main__":
     rclpy.init()
-    rclpy.spin(Sender(sys.argv[1], [int(sys.argv[2]), int(sys.argv[3])]))
+    node, companion = Node("detections_to_companion"), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    topic, size = sys.argv[1], [int(sys.argv[2]), int(sys.argv[3])]
+
+    def send(message):
+        """Send one message on."""
+        companion.sendto(json.dumps(frame_of(message, size)).encode(), COMPANION)
+
+    node.create_subscription(Detection2DArray, topic, send, qos_profile_sensor_data)
+    rclpy.spin(node)

@@ -1,24 +1,17 @@
 """The example senders for detectors of others, against pretended modules made from their public documentation."""
 
+import ast
 import importlib.util
-import json
+import io
 import sys
 import time
-from pathlib import Path
+import tokenize
 from types import ModuleType, SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
-
-from fwav_companion.types import Frame
-from fwav_companion.vision.frame_receiver import read_clocks
-from fwav_companion.vision.wall_clock import WallClock
-from fwav_companion.vision.wire import parse_frame
-
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-SHOWN = (100.0, 60.0, 140.0, 180.0)
-"""Left, top, right, bottom of the one object, edges of pixels: the middle is the pixel (119.5, 119.5)."""
+from adapters import EXAMPLES, SHOWN, first_sent
 
 
 class Request:
@@ -125,10 +118,13 @@ class YOLO:
     def __init__(self, path):
         assert path == "model"
 
-    def __call__(self, picture, verbose):
+    tracked = Column([7.0])
+
+    def track(self, picture, persist, verbose):
         assert picture.shape == (480, 640, 3)
-        assert verbose is False
-        return [SimpleNamespace(boxes=SimpleNamespace(xyxy=Column([SHOWN]), conf=Column([0.9]), cls=Column([1.0])))]
+        assert (persist, verbose) == (True, False)
+        boxes = SimpleNamespace(xyxy=Column([SHOWN]), conf=Column([0.9]), cls=Column([1.0]), id=self.tracked)
+        return [SimpleNamespace(boxes=boxes)]
 
 
 @pytest.fixture
@@ -144,22 +140,34 @@ def modules(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["ultralytics", "hailo", "imx500"])
-def test_what_they_find_arrives_with_the_time_of_its_exposure(modules, tmp_path, name):
-    spec = importlib.util.spec_from_file_location(f"detections_of_{name}", EXAMPLES / f"detections_of_{name}.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
+def test_what_they_find_arrives_with_the_time_of_its_exposure(modules, monkeypatch, tmp_path, name):
     (tmp_path / "labels.txt").write_text("person\ncar\n")
     words = ["model", str(tmp_path / "labels.txt")] if name == "hailo" else ["model"]
-    data = json.dumps(next(iter(example.frames(*words, pictures=2))))
-    arrival_ns, unix_ns = read_clocks()
-    frame = parse_frame(data, arrival_ns, WallClock(arrival_ns, unix_ns))
-    assert isinstance(frame, Frame)
-    assert 0.03 <= (arrival_ns - frame.stamp_ns) / 1e9 < 10.0
+    frame, age_s = first_sent(monkeypatch, name, *words)
+    assert 0.03 <= age_s < 10.0
     assert (frame.exposure_s, frame.size) == (0.002, (640, 480))
-    (detection,) = frame.detections
+    detection, *others = frame.detections
     assert (detection.u, detection.v) == pytest.approx((119.5, 119.5), abs=1e-3)
     assert detection.box == pytest.approx((99.5, 59.5, 139.5, 179.5), abs=1e-3)
     assert (detection.label, detection.score) == ("car", pytest.approx(0.9))
+    assert [each.score for each in others] == ([0.1] if name == "hailo" else []), "min_score is the service's"
+    assert detection.detector_id == (7 if name == "ultralytics" else None)
+
+
+def test_ultralytics_without_a_tracked_thing_sends_no_id(modules, monkeypatch):
+    monkeypatch.setattr(YOLO, "tracked", None)
+    assert first_sent(monkeypatch, "ultralytics", "model")[0].detections[0].detector_id is None
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("detections_of_*.py")), ids=lambda path: path.stem)
+def test_adapter_has_thirty_lines_of_code(path):
+    text, words = path.read_text(), set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a docstring
+            words |= set(range(node.lineno, node.end_lineno + 1))
+    layout = (tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+    tokens = [token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in layout]
+    assert len({n for token in tokens for n in range(token.start[0], token.end[0] + 1)} - words) <= 30
 
 
 def test_pictures_of_a_board_have_the_size_of_the_flight(modules, tmp_path, monkeypatch):

@@ -1,25 +1,14 @@
 """The example senders of pipelines, against pretended modules made from their public documentation."""
 
-import importlib.util
-import json
-import socket
 import sys
 import time
 from enum import IntFlag
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from adapters import SHOWN, arrived, first_sent, message
 
-from fwav_companion.types import Frame
-from fwav_companion.vision.frame_receiver import read_clocks
-from fwav_companion.vision.wall_clock import WallClock
-from fwav_companion.vision.wire import parse_frame
-
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-SHOWN = (100.0, 60.0, 140.0, 180.0)
-"""Left, top, right, bottom of the one object, edges of pixels: the middle is the pixel (119.5, 119.5)."""
 BEFORE_NS = 30_000_000
 """Time from the capture until the detection arrives."""
 
@@ -68,14 +57,14 @@ class Pipeline:
         assert name == "sink"
         return self
 
-    def add_probe(self, kind, probe):
-        self.probe = probe
+    def add_probe(self, kind, probe, *words):
+        self.probe, self.words = probe, words
 
     def get_bus(self):
         return self
 
     def timed_pop_filtered(self, timeout, kinds):
-        self.probe(self, SimpleNamespace(get_buffer=lambda: Buffer(self.pts())))
+        self.probe(self, SimpleNamespace(get_buffer=lambda: Buffer(self.pts())), *self.words)
 
     def pts(self):
         return time.monotonic_ns() - BEFORE_NS - self.base_ns
@@ -83,6 +72,8 @@ class Pipeline:
     def emit(self, signal):
         assert signal == "pull-sample"
         rows = np.zeros((480, 638 * 3 + 2), np.uint8)
+        left, top, right, bottom = map(int, SHOWN)
+        rows[top:bottom, 3 * left : 3 * right] = 255
         rows[:, -2:] = 255  # the padding
         shape = {"width": 638, "height": 480}
         structure = SimpleNamespace(get_value=shape.get)
@@ -150,65 +141,28 @@ def modules(monkeypatch):
         monkeypatch.setitem(sys.modules, name, module)
 
 
-def example_of(name):
-    spec = importlib.util.spec_from_file_location(f"detections_of_{name}", EXAMPLES / f"detections_of_{name}.py")
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
-    return example
-
-
-def arrived(data):
-    """The frame as the companion reads it, and its age in seconds."""
-    arrival_ns, unix_ns = read_clocks()
-    frame = parse_frame(data, arrival_ns, WallClock(arrival_ns, unix_ns))
-    assert isinstance(frame, Frame)
-    return frame, (arrival_ns - frame.stamp_ns) / 1e9
-
-
 def test_deepstream_sends_with_the_buffers_own_time_and_the_trackers_ids(modules, monkeypatch):
-    example = example_of("deepstream")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(5.0)
-        monkeypatch.setattr(example, "COMPANION", receiver.getsockname())
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            example.send_all("nvarguscamerasrc ! nvinfer ! nvtracker ! fakesink name=found", sender)
-        frame, age_s = arrived(receiver.recv(65536))
+    pipeline = "nvarguscamerasrc ! nvinfer ! nvtracker ! fakesink name=found"
+    frame, age_s = first_sent(monkeypatch, "deepstream", pipeline)
     assert 0.03 <= age_s < 10.0
-    assert (frame.number, frame.size) == (37, (640, 480))
+    assert frame.size == (640, 480)
     first, second = frame.detections
     assert (first.u, first.v, first.label, first.score) == (119.5, 119.5, "car", 0.9)
     assert first.box == (99.5, 59.5, 139.5, 179.5)
     assert (first.detector_id, second.detector_id) == (7, None)
 
 
-def test_gstreamer_sends_with_the_buffers_own_time_and_unpadded_rows(modules, monkeypatch):
-    example = example_of("gstreamer")
-    left, top, right, bottom = SHOWN
-
-    def find(picture):
-        assert picture.shape == (480, 638, 3)
-        assert not picture.any(), "the padding is no picture"
-        return [((left, top, right - left, bottom - top), "car", 1.3)]
-
-    monkeypatch.setattr(example, "find", find)
-    (sent,) = example.frames("v4l2src", pictures=1)
-    frame, age_s = arrived(json.dumps(sent))
+def test_gstreamer_sends_with_the_buffers_own_time_what_it_finds_in_unpadded_rows(modules, monkeypatch):
+    """The picture has a lamp; its rows are padded with white, of which none is found."""
+    frame, age_s = first_sent(monkeypatch, "gstreamer", "v4l2src")
     assert 0.03 <= age_s < 10.0
     assert frame.size == (638, 480)
     (detection,) = frame.detections
-    assert (detection.u, detection.v, detection.label, detection.score) == (119.5, 119.5, "car", 1.0)
-
-
-def test_gstreamer_example_finds_a_lamp(modules):
-    picture = np.zeros((480, 640, 3), np.uint8)
-    assert example_of("gstreamer").find(picture) == []
-    picture[100:110, 200:204] = 255
-    assert example_of("gstreamer").find(picture) == [([200, 100, 4, 10], "lamp", 1.0)]
+    assert (detection.u, detection.v, detection.label, detection.score) == (119.5, 119.5, "lamp", 1.0)
+    assert detection.box == (99.5, 59.5, 139.5, 179.5)
 
 
 def test_ros_sends_with_the_headers_stamp(modules):
-    example = example_of("ros2")
     captured = time.time() - 0.05
     stamp = SimpleNamespace(sec=int(captured), nanosec=int(captured % 1.0 * 1e9))
     left, top, right, bottom = SHOWN
@@ -219,14 +173,14 @@ def test_ros_sends_with_the_headers_stamp(modules):
         box = SimpleNamespace(center=centre, size_x=right - left, size_y=bottom - top)
         return SimpleNamespace(bbox=box, results=results, id=number)
 
-    message = SimpleNamespace(
+    detections = SimpleNamespace(
         header=SimpleNamespace(stamp=stamp),
         detections=[detection("12", ("person", 0.2), ("car", 0.9)), detection("a-b", ("car", 0.8)), detection("")],
     )
-    frame, age_s = arrived(json.dumps(example.frame_of(message, [640, 480])))
+    frame, age_s = arrived(message("ros2", "frame_of", detections, [640, 480]))
     assert 0.04 <= age_s < 10.0
     assert [each.detector_id for each in frame.detections] == [12, None, None]
     assert [each.label for each in frame.detections] == ["car", "car", ""]
     assert frame.detections[0].box == (99.5, 59.5, 139.5, 179.5)
-    empty = SimpleNamespace(header=message.header, detections=[])
-    assert arrived(json.dumps(example.frame_of(empty, [640, 480])))[0].detections == ()
+    empty = SimpleNamespace(header=detections.header, detections=[])
+    assert arrived(message("ros2", "frame_of", empty, [640, 480]))[0].detections == ()
