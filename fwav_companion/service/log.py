@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fwav_companion.config import Config
 from fwav_companion.types import Notice, Severity
+from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.task import shown_source
 from fwav_companion.vision.wall_clock import ClockStep
 
@@ -69,13 +70,15 @@ class ServiceLog:
             url = self._config.detections.url
             log.warning("cannot listen for detections on %s: %s; trying again", url, _with_advice(why))
 
-    def pictures_seen(self, works: bool, why: str) -> None:
-        """Log that the vision process has pictures, or has none."""
+    def pictures_seen(self, vision: VisionReport) -> None:
+        """Log that the vision process has pictures, has none, or cannot work as it is configured."""
         source = shown_source(self._config.vision) if self._config.vision is not None else ""
-        if works:
+        if vision.works:
             log.info("pictures arrive from %s", source)
+        elif vision.stopped:
+            log.error("detection stops until this is changed: %s", vision.why)
         else:
-            log.warning("no pictures from %s: %s; trying again", source, why)
+            log.warning("no pictures from %s: %s; trying again", source, vision.why)
 
     def clock_stepped(self, step: ClockStep) -> None:
         """Log a step of the wall clock."""

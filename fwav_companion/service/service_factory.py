@@ -20,6 +20,7 @@ from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.types import Notice
+from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.source_names import SourceKind, is_file_name, source_kind
@@ -53,7 +54,7 @@ def make_vision(
     config: Config,
     image_size: tuple[int, int],
     ears: FrameReceiver,
-    on_state: Callable[[bool, str], None],
+    on_state: Callable[[VisionReport], None],
     desk: VisionDesk,
 ) -> VisionProcess | None:
     """Vision process for the service's own camera. ``image_size``: that of the calibration."""

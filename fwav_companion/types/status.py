@@ -42,6 +42,8 @@ class VisionReport(msgspec.Struct, frozen=True, kw_only=True):
     works: bool = False
     why: str = ""
     """Reason why it does not work."""
+    stopped: bool = False
+    """Whether the detector cannot work as it is configured: it is not tried again."""
     pid: int | None = None
     deaths: int = 0
     """Number of camera processes that ended."""

@@ -75,13 +75,13 @@ class VisionProcess:
         self,
         task: VisionTask,
         ears: FrameReceiver,
-        on_state: Callable[[bool, str], None],
+        on_state: Callable[[VisionReport], None],
         desk: VisionDesk | None = None,
         *,
         kept: KeptPicturesRule = 0,
     ) -> None:
-        """``on_state`` is called at each change with whether pictures arrive, and why not. ``kept``: the pictures that
-        the desk gets as JPEG.
+        """``on_state`` is called when pictures begin to arrive or no longer do. ``kept``: the pictures that the desk
+        gets as JPEG.
         """
         self._command = worker_command(task.python)
         self._orders = msgspec.json.encode(VisionOrders(task, kept))
@@ -93,6 +93,7 @@ class VisionProcess:
         self._heard_s = 0.0
         self._works: bool | None = None
         self._why = ""
+        self._stopped = False
         self._frozen = False
         self._delivery: DeliveryReport | None = None
         self._deaths = 0
@@ -114,7 +115,12 @@ class VisionProcess:
         """Part of the status: the state of the camera process."""
         pid = self._started[0].pid if self._started is not None else None
         return VisionReport(
-            works=bool(self._works), why=self._why, pid=pid, deaths=self._deaths, delivery=self._delivery
+            works=bool(self._works),
+            why=self._why,
+            stopped=self._stopped,
+            pid=pid,
+            deaths=self._deaths,
+            delivery=self._delivery,
         )
 
     async def _stay_up(self) -> None:
@@ -209,7 +215,7 @@ class VisionProcess:
             state = msgspec.json.decode(data, type=VisionState)
             self._frozen = state.vision == "frozen"
             self._delivery = state.delivery or self._delivery
-            self._tell(works=state.vision == "looking", why=state.why)
+            self._tell(works=state.vision == "looking", why=state.why, stopped=state.vision == "stopped")
             return
         if data.startswith((QUESTION, MARKS_QUESTION, REFUSAL)):
             if self._desk is not None:
@@ -219,11 +225,11 @@ class VisionProcess:
             self._tell(works=True, why="")
         self._ears.hear(data)
 
-    def _tell(self, *, works: bool, why: str) -> None:
-        self._why = why
+    def _tell(self, *, works: bool, why: str, stopped: bool = False) -> None:
+        self._why, self._stopped = why, stopped
         if works is not self._works:
             self._works = works
-            self._on_state(works, why)
+            self._on_state(self.status())
 
     def _let_go(self) -> Started | None:
         """Stop receiving from the process, and return it if there is one."""

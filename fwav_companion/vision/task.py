@@ -142,8 +142,9 @@ class VisionOrders(msgspec.Struct, frozen=True):
 class VisionState(msgspec.Struct, frozen=True):
     """State of the vision process, sent between its frames."""
 
-    vision: Literal["looking", "lost", "ended", "frozen"]
-    """Whether frames come, the camera is lost, the source has ended, or the camera repeats one picture."""
+    vision: Literal["looking", "lost", "ended", "frozen", "stopped"]
+    """Whether frames come, the camera is lost, the source has ended, the camera repeats one picture, or the detector
+    cannot work as it is configured."""
     why: str = ""
     """Reason why it does not look."""
     delivery: DeliveryReport | None = None

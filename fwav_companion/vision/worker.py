@@ -131,7 +131,7 @@ def main() -> None:
     except SourceEndedError as error:
         _repeat(daemon, VisionState("ended", str(error)))
     except DetectorError as error:
-        _repeat(daemon, VisionState("lost", str(error)))
+        _repeat(daemon, VisionState("stopped", str(error)))
 
 
 def _ignore(_message: bytes) -> None:

@@ -13,6 +13,7 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.service.configured_files import recorded_extra_files
 from fwav_companion.service.log import ServiceLog
 from fwav_companion.types.secrets import redacted_path, redacted_url
+from fwav_companion.types.status import VisionReport
 
 TOKEN, PASSWORD = "aB3-0123456789abcdef", "p4ss:w0rd"
 SECRETS = (TOKEN, "p4ss", "w0rd", "qu3ry", "z3noh")
@@ -76,6 +77,6 @@ def test_secret_that_the_copy_would_show_is_refused_before_anything_is_recorded(
 
 def test_log_names_the_camera_without_its_password(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO"):
-        ServiceLog(load(path)).pictures_seen(False, "no answer")
+        ServiceLog(load(path)).pictures_seen(VisionReport(why="no answer"))
     assert "10.0.0.7" in caplog.text
     assert "p4ss" not in caplog.text

@@ -18,6 +18,7 @@ import pytest
 from vision_pictures import pipe_bytes, tag_picture
 
 from fwav_companion.types import Frame
+from fwav_companion.types.status import VisionReport
 from fwav_companion.vision import supervisor
 from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
 from fwav_companion.vision.supervisor import VisionProcess
@@ -44,8 +45,8 @@ class Daemon:
         self.pictures.append((data, jpeg))
         self.changed.set()
 
-    def _state(self, works: bool, why: str) -> None:
-        self.states.append((works, why))
+    def _state(self, report: VisionReport) -> None:
+        self.states.append((report.works, report.why))
         self.changed.set()
 
     async def until(self, true, timeout_s: float = 20.0) -> None:

@@ -111,7 +111,15 @@ def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     camera = shown_source(config.vision) if config.vision else ""
     where = config.detections.url or camera
     if status.vision is not None and not status.vision.works:
-        if status.vision.why or status.up_s >= FIRST_FRAME_S:
+        if status.vision.stopped:
+            yield Finding(
+                "vision_stopped",
+                Level.ERROR,
+                "[vision] detector",
+                problem=f"the detector cannot work as it is configured: {status.vision.why}",
+                fix="change what it names, then restart the service",
+            )
+        elif status.vision.why or status.up_s >= FIRST_FRAME_S:
             yield Finding(
                 "no_camera",
                 Level.ERROR,

@@ -29,7 +29,9 @@ UNHEARD: Final = frozenset(
 """Findings that follow where the vehicle's link is not heard."""
 UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", "rates_not_taken", *CLOCK, *SLOW})
 """Findings that follow while the autopilot ignores this service."""
-UNSEEN: Final = frozenset({"no_camera", "no_detections", "stale_detections", "landing_label", "landmark_unseen"})
+UNSEEN: Final = frozenset(
+    {"no_camera", "vision_stopped", "no_detections", "stale_detections", "landing_label", "landmark_unseen"}
+)
 UNUSED: Final = frozenset({"landing_label", "landmark_unseen", "fixes_disagree"})
 
 CAUSES: Final[Mapping[str, frozenset[str]]] = {
@@ -61,6 +63,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "model": UNSEEN,
     "camera_missing": UNSEEN,
     "camera_permission": UNSEEN,
+    "vision_stopped": UNSEEN - {"vision_stopped"},
     "no_camera": UNSEEN - {"no_camera"},
     "detections_port": UNSEEN,
     "no_detections": frozenset({"landing_label", "landmark_unseen"}),

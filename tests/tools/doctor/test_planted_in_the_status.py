@@ -58,6 +58,10 @@ STATUS = {
     "internal_fault": (["internal_faults"], 2),
     "recording_stopped": (["recording"], "recording stopped: records/targets.jsonl: No space left on device"),
     "no_camera": (["vision"], {"works": False, "why": "no camera there"}),
+    "vision_stopped": (
+        ["vision"],
+        {"works": False, "stopped": True, "why": "model m.onnx: its size is open"},
+    ),
     "detections_port": (["intake", "why"], "Address already in use"),
     "link_down": (["links", "autopilot"], {"state": "down", "why": "Connection refused"}),
     "no_clock": (["clock"], {"status": "unknown"}),
