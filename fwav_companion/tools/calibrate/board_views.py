@@ -29,6 +29,7 @@ from fwav_companion.tools.calibrate.missing_board import (
     edge_width_px,
 )
 from fwav_companion.tools.calibrate.pictures import CalibrationPicture, same_size
+from fwav_companion.tools.calibrate.view_spread import spread_out
 
 SAME: Final = 0.1
 """Largest mean motion between two views of a board that was held still, in distances between two corners."""
@@ -47,18 +48,20 @@ class BoardSearch(msgspec.Struct, frozen=True, eq=False):
     """Name of the earlier picture, by the name of each picture that shows the same view."""
     blurred: dict[str, float]
     """Width of the edges in pixels, by the name of each blurred picture with the board."""
+    crowded: tuple[str, ...] = ()
+    """Names of the frames of a video whose views lie near to others."""
 
     @property
     def pictures(self) -> int:
         """The number of pictures."""
-        return len(self.views) + len(self.missing) + len(self.repeated)
+        return len(self.views) + len(self.missing) + len(self.repeated) + len(self.crowded)
 
     @property
     def unused(self) -> dict[str, str]:
         """The reason, by the name of each picture that gives no view."""
-        return {name: str(why) for name, why in self.missing.items()} | {
-            name: f"shows what {earlier} shows" for name, earlier in self.repeated.items()
-        }
+        repeated = {name: f"shows what {earlier} shows" for name, earlier in self.repeated.items()}
+        missing = {name: str(why) for name, why in self.missing.items()}
+        return missing | repeated | dict.fromkeys(self.crowded, "near to the view of another frame")
 
     @property
     def reasons(self) -> str:
@@ -99,7 +102,15 @@ def find_board(
         on_step(coverage.shown())
 
     size = same_size(pictures, search)
-    return BoardSearch(size=size, views=tuple(views), missing=missing, repeated=repeated, blurred=blurred)
+    chosen = sorted(spread_out(views, size)) if any(picture.of_video for picture in pictures) else range(len(views))
+    return BoardSearch(
+        size=size,
+        views=tuple(views[i] for i in chosen),
+        missing=missing,
+        repeated=repeated,
+        blurred=blurred,
+        crowded=tuple(view.name for i, view in enumerate(views) if i not in set(chosen)),
+    )
 
 
 def _earlier_copy(view: BoardView, earlier: Sequence[BoardView]) -> str | None:

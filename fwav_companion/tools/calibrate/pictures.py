@@ -1,8 +1,8 @@
 """The files, folders or the video of the command line, as grey pictures of one size.
 
 Pictures come as the sensor has them. A rotation that a phone or camera only notes in the file (EXIF) is not applied,
-because the frames of the flight will not be rotated either. A video gives only its sharpest frames: its frames follow
-one another closely, and a moving hand blurs most of them.
+because the frames of the flight will not be rotated either. Of a video the sharpest frame of each piece is searched: a
+moving hand blurs most of them. Of their views ``view_spread`` takes those that lie apart.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ JPEG, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
 """Markers (ITU-T T.81, table B.1); compressed data never contains them."""
 MOST_PICTURES: Final = 200
 """Most pictures that are used: more add little, and each takes a good part of a second."""
-VIDEO_PIECES: Final = 60
-"""Number of pieces into which a video is divided; each gives its sharpest frame: one a second in a minute's video."""
+VIDEO_PIECES: Final = 120
+"""Number of pieces into which a video is divided; each gives its sharpest frame: two a second in a minute's video."""
 
 ReadPicture: TypeAlias = Callable[[], Grey]
 """Reads a picture. InputFileError where it is unreadable."""
@@ -44,6 +44,8 @@ class CalibrationPicture(msgspec.Struct, frozen=True):
     """File, or video and frame number."""
     read: ReadPicture
     """Reads the picture."""
+    of_video: bool = False
+    """Whether it is a frame of a video, of which the program chooses."""
 
 
 def silence_opencv() -> None:
@@ -109,8 +111,11 @@ def _from_video(video: Path, watched: Watched) -> tuple[list[CalibrationPicture]
         sharp, frames = sharpest_frames(video, count, on_frame)
     if not sharp:
         raise InputFileError(f"{video}: not a readable picture or video; {ACCEPTED}")
-    taken = [CalibrationPicture(f"{video}, frame {number}", _held(grey)) for number, grey in sharp]
-    left_out = f"{len(taken)} of {frames} frames are used, the sharpest of each piece of the video"
+    taken = [CalibrationPicture(f"{video}, frame {number}", _held(grey), of_video=True) for number, grey in sharp]
+    left_out = (
+        f"{len(taken)} of {frames} frames are searched, the sharpest of each piece of the video; of their views those "
+        "that lie apart are used"
+    )
     return taken, left_out if len(taken) < frames else ""
 
 
