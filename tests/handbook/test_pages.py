@@ -102,13 +102,16 @@ def test_every_layout_of_the_detectors_page_is_one_of_the_detectors_tests():
     rows = [line.split("|") for line in text.splitlines() if line.startswith("|") and line.count("|") == 5]
     named = [name for row in rows for name in re.findall(r"`([^`]+)`", row[4])]
     table = ast.parse((ROOT / "tests" / "vision" / "model_layouts.py").read_text(encoding="utf-8"))
-    (layouts,) = (
-        node.value
+    tables = {
+        node.targets[0].id: node.value
         for node in table.body
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "LAYOUTS"
-    )
-    assert isinstance(layouts, ast.Dict)
-    assert sorted(named) == sorted(key.value for key in layouts.keys if isinstance(key, ast.Constant))
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and isinstance(node.value, ast.Dict)
+    }
+    graphs = [tables[name] for name in ("LAYOUTS", "ASKED", "REFUSED")]
+    assert sorted(named) == sorted(key.value for each in graphs for key in each.keys if isinstance(key, ast.Constant))
+    for row in rows[2:]:
+        assert re.search("right|asked|refused", row[3]), row
+        assert "`" in row[4], f"{row[1]}: no test"
 
 
 def test_the_detector_of_the_guide_sends_what_the_service_accepts():

@@ -213,6 +213,75 @@ LAYOUTS = {
 }
 
 
+ONE_A_CELL = np.tile(np.array([30.0, 30.0, 4.0, 4.0, 0.1, 0.1, 0.1, 0.1], F), (1, 84, 1))
+FOUR = np.zeros((1, 300, 4), F)
+
+ASKED = {
+    "YOLOv6 or YOLOX": (
+        {"o": ONE_A_CELL},
+        NAMES,
+        r"yolov5 or yolox; set \[vision\] model_format = yolov5 \| yolox .*blue first",
+    ),
+    "DETR or RT-DETR": (
+        {"logits": FOUR, "pred_boxes": FOUR},
+        {},
+        r"rtdetr or detr; set .* rtdetr \| detr .*last class",
+    ),
+    "RF-DETR unlabelled": (
+        {"dets": FOUR, "labels": FOUR},
+        {},
+        r"4 class slots, unknown labels; set \[vision\] model_background =",
+    ),
+    "RF-DETR other labels": (
+        {"dets": FOUR, "labels": FOUR},
+        {"names": "['a']"},
+        "4 class slots, 1 labels; set .*model_background",
+    ),
+    "pose bare": (
+        {"o": columns_with([30, 30, 4, 4, 0.9, *np.arange(51)])},
+        {},
+        r"scores up to 50.*set \[vision\] model_labels",
+    ),
+    "obb bare": (
+        {"o": columns_with([30, 30, 4, 4, 0.9, -0.7])},
+        {},
+        r"scores down to -0\.7.*set \[vision\] model_labels",
+    ),
+}
+"""What the file holds, its metadata, and the question, by name."""
+
+REFUSED = {
+    "NanoDet-Plus": (
+        {"o": np.zeros((1, 1360, 112), F)},
+        [picture_input((1, 3, 256, 256))],
+        "NanoDet-Plus .*export boxes, scores and labels",
+    ),
+    "NanoDet of many outputs": (
+        {f"{kind}_pred_stride_{s}": np.zeros((1, 9, 8), F) for kind in ("cls", "dis") for s in (8, 16, 32)},
+        None,
+        "raw heads of NanoDet: .*export boxes, scores and labels",
+    ),
+    "raw heads of YOLOv5": (
+        {"o": np.zeros((1, 3, 8, 8, 85), F)},
+        None,
+        "raw heads of a YOLO; export with its .*--grid",
+    ),
+    "raw heads of YOLOv7": ({f"o{n}": np.zeros((1, 255, n, n), F) for n in (2, 4, 8)}, None, "raw heads of a YOLO"),
+    "MediaPipe": (
+        {"regressors": np.zeros((1, 896, 16), F), "classificators": np.zeros((1, 896, 1), F)},
+        None,
+        "MediaPipe",
+    ),
+    "torchvision unnamed": (
+        {"12": np.zeros((0, 4), F), "13": np.zeros(0, np.int64), "14": np.zeros(0, F)},
+        [CHW],
+        r"torchvision: export with output_names = \[\"boxes\", \"labels\", \"scores\"\]",
+    ),
+    "unknown": ({"o": np.zeros((1, 5, 6, 7), F)}, None, r"of no known format; accepted: .*yolov5 \| .*\| ssd"),
+}
+"""What the file holds, its inputs, and what the refusal says, by name."""
+
+
 def written(path, name):
     """The file of a row of the table."""
     outputs, inputs, metadata, _, _ = LAYOUTS[name]

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from model_graphs import constant_model, picture_input
 from model_layouts import (
+    ASKED,
     BOX,
     CLASSES,
     LAYOUTS,
     NAMES,
+    REFUSED,
     TRUE,
     ULTRALYTICS,
     WIDE,
@@ -88,53 +90,17 @@ def test_mask_gives_the_outline_of_the_thing(tmp_path):
     assert [*outline.min(axis=0), *outline.max(axis=0)] == pytest.approx([7.5, 23.5, 23.5, 39.5], abs=0.01)
 
 
-LARGE = picture_input((1, 3, 256, 256))
-ONE_A_CELL = np.tile(np.array([30.0, 30.0, 4.0, 4.0, 0.1, 0.1, 0.1, 0.1], np.float32), (1, 84, 1))
-FOUR = np.zeros((1, 300, 4), np.float32)
-
-
-@pytest.mark.parametrize(
-    ("outputs", "metadata", "asked"),
-    [
-        ({"o": ONE_A_CELL}, NAMES, r"yolov5 or yolox; set \[vision\] model_format = yolov5 \| yolox .*blue first"),
-        ({"logits": FOUR, "pred_boxes": FOUR}, {}, r"rtdetr or detr; set .* rtdetr \| detr .*last class"),
-        ({"dets": FOUR, "labels": FOUR}, {}, r"4 class slots, unknown labels; set \[vision\] model_background ="),
-        ({"dets": FOUR, "labels": FOUR}, {"names": "['a']"}, r"4 class slots, 1 labels; set .*model_background"),
-        ({"o": columns_with([30, 30, 4, 4, 0.9, *np.arange(51)])}, {}, r"scores up to 50.*set \[vision\] model_labels"),
-        ({"o": columns_with([30, 30, 4, 4, 0.9, -0.7])}, {}, r"scores down to -0\.7.*set \[vision\] model_labels"),
-    ],
-    ids=["YOLOv6 or YOLOX", "DETR or RT-DETR", "RF-DETR unlabelled", "RF-DETR other labels", "pose bare", "obb bare"],
-)
-def test_what_only_the_user_knows_is_asked_with_the_candidates(tmp_path, outputs, metadata, asked):
+@pytest.mark.parametrize("name", ASKED)
+def test_what_only_the_user_knows_is_asked_with_the_candidates(tmp_path, name):
+    outputs, metadata, asked = ASKED[name]
     path = constant_model(tmp_path / "m.onnx", outputs, metadata=metadata)
     with pytest.raises(DetectorError, match=rf"^\[vision\] model m\.onnx: [^\n]*{asked}[^\n]*$"):
         detector(path)
 
 
-@pytest.mark.parametrize(
-    ("outputs", "inputs", "named"),
-    [
-        (
-            {"o": np.zeros((1, 1360, 112), np.float32)},
-            [picture_input((1, 3, 256, 256))],
-            r"NanoDet-Plus .*export boxes, scores and labels",
-        ),
-        ({"o": np.zeros((1, 3, 8, 8, 85), np.float32)}, None, r"raw heads of a YOLO; export with its .*--grid"),
-        ({f"o{n}": np.zeros((1, 255, n, n), np.float32) for n in (2, 4, 8)}, None, "raw heads of a YOLO"),
-        (
-            {"regressors": np.zeros((1, 896, 16), np.float32), "classificators": np.zeros((1, 896, 1), np.float32)},
-            None,
-            "MediaPipe",
-        ),
-        (
-            {"12": np.zeros((0, 4), np.float32), "13": np.zeros(0, np.int64), "14": np.zeros(0, np.float32)},
-            [picture_input((3, 64, 64))],
-            r"torchvision: export with output_names = \[\"boxes\", \"labels\", \"scores\"\]",
-        ),
-        ({"o": np.zeros((1, 5, 6, 7), np.float32)}, None, r"of no known format; accepted: .*yolov5 \| .*\| ssd"),
-    ],
-)
-def test_what_is_exotic_is_refused_by_name_with_what_helps(tmp_path, outputs, inputs, named):
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_exotic_is_refused_by_name_with_what_helps(tmp_path, name):
+    outputs, inputs, named = REFUSED[name]
     path = constant_model(tmp_path / "m.onnx", outputs, inputs=inputs)
     with pytest.raises(DetectorError, match=rf"^\[vision\] model m\.onnx: [^\n]*{named}[^\n]*$"):
         detector(path)

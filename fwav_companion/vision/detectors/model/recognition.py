@@ -20,6 +20,10 @@ from fwav_companion.vision.detectors.model.layouts import LAYOUTS, Layout, layou
 from fwav_companion.vision.images import DetectorError
 
 NANODET_STRIDES: Final = (8, 16, 32, 64)
+NANODET_ADVICE: Final = (
+    ": its boxes are distributions over distances; add its decoding to the graph and export boxes, scores and labels, "
+    "or send its own detections to [detections] url"
+)
 OFFICIAL_RFDETR_CLASSES: Final = 91
 """Class slots of RF-DETR's own weights: COCO's numbers with their gaps, without a background."""
 BACKGROUND_LABELS: Final = ("background", "__background__", "bg")
@@ -171,10 +175,9 @@ def _refused_by_name(facts: ModelFacts, outputs: Outputs) -> str:
     shapes = [array.shape for array in outputs.values()]
     cells = sum(-(-facts.size[0] // stride) * -(-facts.size[1] // stride) for stride in NANODET_STRIDES)
     if len(shapes) == 1 and len(shapes[0]) == 3 and shapes[0][1] == cells:
-        return (
-            "a raw head of NanoDet-Plus (strides 8 to 64): its boxes are distributions over distances; add its "
-            "decoding to the graph and export boxes, scores and labels, or send its own detections to [detections] url"
-        )
+        return f"a raw head of NanoDet-Plus (strides 8 to 64){NANODET_ADVICE}"
+    if any(name.startswith("dis_pred") for name in outputs):
+        return f"raw heads of NanoDet{NANODET_ADVICE}"
     if any(len(shape) == 5 for shape in shapes) or (len(shapes) == 3 and all(len(shape) == 4 for shape in shapes)):
         return "raw heads of a YOLO; export with its decoding (v5: export.py --include onnx; v7: --grid)"
     if {"regressors", "classificators"} <= outputs.keys():
