@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.fields import Fields
+from fwav_companion.camera.lens_numbers import require_lens_numbers
 from fwav_companion.camera.plausible_lens import require_monotonic
 from fwav_companion.camera.sphere_lens import SphereLens
 from fwav_companion.camera.sphere_models import DoubleSphere, ExtendedUnified, RayPolynomial, SphereModel, Unified
@@ -76,6 +77,7 @@ def ocamcalib_lens(fields: Fields) -> SphereLens:
     if a0 >= 0.0:
         raise fields.refusal("polynomial", "a number of coefficients, then a negative first one: the scale, pixels")
     scale = -a0
+    require_lens_numbers((scale,), others)
     model = RayPolynomial(tuple(-a * scale**n for n, a in enumerate(others)))
     row, column = fields.numbers("center", 2)
     c, d, e = fields.numbers("affine", 3)
@@ -109,6 +111,7 @@ def _lens(
     if min(fu, fv) <= 0.0:
         raise fields.refusal(key, "positive focal lengths")
     require_inside(fields, key, (pu, pv), size)
+    require_lens_numbers((), own)
     model: SphereModel
     if name == "omni":
         (xi,) = own

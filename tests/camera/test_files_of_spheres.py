@@ -173,6 +173,8 @@ def test_ocamcalibs_pixel_gives_the_ray_of_its_cam2world(pixel):
         (kalibr("fov", [0.5], []), "accepted: pinhole with distortion_model equidistant or radtan, omni, ds or eucm"),
         (basalt(("fov", {"w": 0.9})), "camera_type = 'fov': accepted: ds, eucm, ucm, kb4 or pinhole"),
         (basalt(("ds", {"xi": 0.1})), "intrinsics.alpha: missing"),
+        (ocam([-1e300, *POLYNOMIAL[1:]]), "every number of a lens must be finite, and at most"),
+        (kalibr("eucm", [0.5, 1e12], []), "every number of a lens must be finite, and at most"),
         (ocam(tables=3), "not a whole calib_results.txt of OCamCalib"),
         (ocam([206.5, *POLYNOMIAL[1:]]), "a negative first one"),
         (ocam([-206.5, 0.0, -0.02, 0.0, 0.0]), "it turns back"),

@@ -64,7 +64,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "camera_missing": UNSEEN,
     "camera_permission": UNSEEN,
     "vision_stopped": UNSEEN - {"vision_stopped"},
-    "no_camera": UNSEEN - {"no_camera"},
+    "no_camera": UNSEEN - {"no_camera", "vision_stopped"},
     "detections_port": UNSEEN,
     "no_detections": frozenset({"landing_label", "landmark_unseen"}),
     "stale_detections": frozenset({"landing_label", "landmark_unseen"}),
