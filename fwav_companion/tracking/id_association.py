@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdEvidence, IdTrust
@@ -20,9 +20,12 @@ def with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
     if not own or not of_fix:
         return costs
     found = dict(costs)
+    partners = defaultdict[int, list[int]](list)
+    for i, j in costs:
+        partners[i].append(j)
     for i, j in costs:
         if i in own and own[i] == of_fix.get(j):
-            most = ids.most_trust(_least_separation2(j, _partners(costs, i), frame), _averaged(i, j, frame))
+            most = ids.most_trust(_least_separation2(j, partners[i], frame), _averaged(i, j, frame))
             found[i, j] -= 0.5 * min(frame.candidates[i].id_trust, most)
     return found
 
@@ -34,12 +37,26 @@ def trust_after(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes, i
     """
     if not [candidate for candidate in frame.candidates if candidate.detector_id is not None]:
         return NO_TRUST
-    return {i: _trust(i, j, taken, costs, frame, ids) for i, j in taken.items()}
+    rivals = defaultdict[int, list[int]](list)
+    for k, j in costs:
+        if k in taken:
+            rivals[j].append(k)
+    return {i: _trust(i, taken, rivals[j], costs=costs, frame=frame, ids=ids) for i, j in taken.items()}
 
 
-def _trust(i: int, j: int, taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> IdTrust:
+def _trust(
+    i: int,
+    taken: Mapping[int, int],
+    of_fix: Sequence[int],
+    *,
+    costs: Costs,
+    frame: TracksAndFixes,
+    ids: IdEvidence,
+) -> IdTrust:
+    """The trust of one track. ``of_fix``: the tracks that may take its fix and took one."""
+    j = taken[i]
     own, now = frame.candidates[i].detector_id, frame.fixes[j].sighting.detection.detector_id
-    rivals = [(k, m) for k, m in taken.items() if k != i and (i, m) in costs and (k, j) in costs]
+    rivals = [(k, taken[k]) for k in of_fix if k != i and (i, taken[k]) in costs]
     if not rivals:
         return CERTAIN
     # The places' evidence for this pair: the cost of the nearest exchange, less that of what was taken.
@@ -57,10 +74,6 @@ def _unique(numbers: Collection[int | None]) -> dict[int, int]:
     """The ids that occur once, by index."""
     counts = Counter(numbers)
     return {i: number for i, number in enumerate(numbers) if number is not None and counts[number] == 1}
-
-
-def _partners(costs: Costs, i: int) -> list[int]:
-    return [j for row, j in costs if row == i]
 
 
 def _least_separation2(j: int, others: Collection[int], frame: TracksAndFixes) -> float:

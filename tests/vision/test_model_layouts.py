@@ -1,5 +1,7 @@
 """Every layout of the handbook's table is read right without settings, asked for, or refused by its name."""
 
+import re
+
 import numpy as np
 import pytest
 from model_graphs import constant_model, picture_input
@@ -116,6 +118,7 @@ def test_what_is_exotic_is_refused_by_name_with_what_helps(tmp_path, name):
 def test_twins_without_a_detection_are_asked_after_fifty_pictures(tmp_path, outputs, names, candidates):
     path = constant_model(tmp_path / "m.onnx", {"o": outputs}, metadata={"names": names})
     model = detector(path)
+    assert re.search(rf"a picture with a detection will tell its layout; else .* = {candidates} \(", model.described())
     assert [model.detect(WIDE) for _ in range(49)] == [[]] * 49
     with pytest.raises(DetectorError, match=rf"after 50 pictures without a detection .* model_format = {candidates}"):
         model.detect(WIDE)

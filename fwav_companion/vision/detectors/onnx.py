@@ -99,7 +99,7 @@ class OnnxDetector:
         """How the model is read, for `check` and the log."""
         layout, (width, height) = self._layout, self._facts.size
         if isinstance(layout, Open):
-            return f"{width} x {height}; a picture with a detection will tell its layout"
+            return f"{width} x {height}; a picture with a detection will tell its layout; else {layout.message}"
         sigma = "as configured" if self._task.model_sigma != "auto" else "a prior, not measured: detect --sigma"
         levels = "levels as they are (normalized inside)" if self._input.takes_levels else self._preset.shown()
         background = {"none": "none", "first": "the first", "last": "the last"}[self._reading.background]
