@@ -200,9 +200,13 @@ class _Outputs:
         print(f"# {measured.residuals} residuals: {measured.factor:.2f} times the prior's sigma")
         if measured.slow_factor is not None:
             print(f"# over a second: {measured.slow_factor:.2f} times; the larger one counts")
+        if measured.lower_edge is not None:
+            factor, down = measured.lower_edge
+            print(f"# lower edge: {factor:.2f} times the centre's sigma, {100.0 * down:+.1f} % of the height (down: +)")
         print(f"[vision]\n{measured.lines()}")
         bias = {} if measured.bias is None else {"model_bias": measured.bias}
-        return {"model_sigma": measured.model_sigma, "sigma_residuals": measured.residuals, **bias}
+        edge = {} if measured.lower_edge is None else {"lower_edge": measured.lower_edge}
+        return {"model_sigma": measured.model_sigma, "sigma_residuals": measured.residuals, **bias, **edge}
 
 
 def _detect_all(outputs: _Outputs, pictures: RecordedPictures, detector: Detector) -> dict[str, object]:

@@ -75,6 +75,7 @@ def test_sigma_against_labels_recovers_jitter_and_bias(tmp_path, config, capsys,
     floor_px, share = result["model_sigma"]
     assert np.hypot(floor_px, share * SIDE) == pytest.approx(jitter, rel=0.2)
     assert result["model_bias"] == pytest.approx(bias, abs=0.2 * 0.1)
+    assert result["lower_edge"] == pytest.approx([1.0, bias[1]], rel=0.2), "the boxes have the true size"
     corrected = config.read_text() + f"model_sigma = {result['model_sigma']}\nmodel_bias = {result['model_bias']}\n"
     config.write_text(corrected)
     out = tmp_path / "d.jsonl"
@@ -126,3 +127,21 @@ def test_twins_that_no_picture_tells_end_with_exit_2(tmp_path, config, capsys):
     folder = pictures_of(tmp_path / "pictures", [(30, 20)] * 50)
     assert main(["detect", str(folder), "--config", str(config), "--draw", str(tmp_path / "drawn")]) == 2
     assert "model_format = yolonas | nms7" in capsys.readouterr().err
+
+
+def test_sigma_of_the_lower_edge_is_measured_apart():
+    """Upper and lower edges jitter alone, the lower one more; it ends 5 % of the height early."""
+    from fwav_companion.tools.detect.sigma_measurement import TruthResiduals
+
+    rng, residuals = np.random.default_rng(7), TruthResiduals()
+    upper, lower, height = 1.0, 2.0, 40.0
+    centre = 0.5 * np.hypot(upper, lower)
+    for _ in range(2000):
+        top, bottom = 100.0 + rng.normal(0.0, upper), 140.0 - 0.05 * height + rng.normal(0.0, lower)
+        u = 110.0 + rng.normal(0.0, centre)
+        box = [u - 10.0, top, u + 10.0, bottom]
+        found = {"u": u, "v": 0.5 * (top + bottom), "sigma": [1.0, 1.0], "box": box, "label": "a", "score": 0.9}
+        residuals.add([found], [(100.0, 100.0, 120.0, 140.0)], (640, 480))
+    measured = residuals.result()
+    assert measured.factor == pytest.approx(centre, rel=0.1)
+    assert measured.lower_edge == pytest.approx((lower / centre, -0.05), rel=0.1)

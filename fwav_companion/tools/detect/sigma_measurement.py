@@ -44,6 +44,9 @@ class MeasuredSigma(msgspec.Struct, frozen=True):
     """Mean displacement of the centres, shares of width and height; None without truth."""
     slow_factor: float | None = None
     """The factor by differences over SLOW_S; None where the video is shorter, or with truth."""
+    lower_edge: tuple[float, float] | None = None
+    """Of the lower edge, which shows the foot: one sigma over that of the centre, and mean displacement downward as a
+    share of the height; None without truth."""
 
     @property
     def model_sigma(self) -> tuple[float, float]:
@@ -79,6 +82,7 @@ class TruthResiduals:
     def __init__(self) -> None:
         self._displaced: list[tuple[float, float]] = []
         self._by_prior: list[tuple[float, float]] = []
+        self._lower: list[tuple[float, float]] = []
 
     def add(self, found: Sequence[Found], truth: Sequence[Box], size: tuple[int, int]) -> None:
         """Match the detections of one picture with its true boxes, the best overlap first, and keep the residuals."""
@@ -99,6 +103,7 @@ class TruthResiduals:
         sides, sigma = (right - left, bottom - top), found["sigma"]
         self._displaced.append((du / sides[0], dv / sides[1]))
         self._by_prior.append((sides[0] / sigma[0], sides[1] / sigma[1]))
+        self._lower.append(((bottom - truth[3]) / (truth[3] - truth[1]), (bottom - truth[3]) / sigma[1]))
 
     def result(self) -> MeasuredSigma:
         """The factor of the prior about the mean displacement. InputFileError with too few residuals."""
@@ -107,7 +112,14 @@ class TruthResiduals:
         bias = shares.mean(axis=0)
         normal = (shares - bias) * np.array(self._by_prior)
         factor = sqrt(float((normal**2).sum()) / max(1, normal.size - 2))
-        return MeasuredSigma(normal.size, factor, (float(bias[0]), float(bias[1])))
+        lower = np.array(self._lower)
+        edge_factor = float(lower[:, 1].std(ddof=1))
+        return MeasuredSigma(
+            normal.size,
+            factor,
+            (float(bias[0]), float(bias[1])),
+            lower_edge=(edge_factor / factor if factor > 0.0 else 1.0, float(lower[:, 0].mean())),
+        )
 
 
 @dataclass
