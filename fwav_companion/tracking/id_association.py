@@ -14,19 +14,24 @@ NO_TRUST: Final[dict[int, IdTrust]] = {}
 
 
 def with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
-    """The costs, less the bonus of pairs whose track and fix have one id; an id that occurs twice is none."""
+    """The costs, less the bonus of pairs whose track and fix have one id; an id that occurs twice is none.
+
+    Where two such pairs may be exchanged, the exchange is one event, of which each counts half.
+    """
     own = _unique([candidate.detector_id for candidate in frame.candidates])
     of_fix = _unique([fix.sighting.detection.detector_id for fix in frame.fixes])
     if not own or not of_fix:
         return costs
+    same = {i: j for i, j in costs if i in own and own[i] == of_fix.get(j)}
+    fixes_of, tracks_of = defaultdict[int, list[int]](list), defaultdict[int, list[int]](list)
+    for i, j in costs:
+        fixes_of[i].append(j)
+        tracks_of[j].append(i)
     found = dict(costs)
-    partners = defaultdict[int, list[int]](list)
-    for i, j in costs:
-        partners[i].append(j)
-    for i, j in costs:
-        if i in own and own[i] == of_fix.get(j):
-            most = ids.most_trust(_least_separation2(j, partners[i], frame), _averaged(i, j, frame))
-            found[i, j] -= 0.5 * min(frame.candidates[i].id_trust, most)
+    for i, j in same.items():
+        most = ids.most_trust(_least_separation2(j, fixes_of[i], frame), _averaged(i, j, frame))
+        shared = any(k != i and (i, same.get(k)) in costs for k in tracks_of[j])
+        found[i, j] -= (0.5 if shared else 1.0) * min(frame.candidates[i].id_trust, most)
     return found
 
 

@@ -51,7 +51,9 @@ def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_l
     """
     newborn = Candidate("target", Expecting(1.0, spread), None, confirmed=False)
     believed = Candidate("target", Expecting(1.0 + 2.0 * np.log(ratio), spread), None)
-    ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")], CLUTTER).items()
+    ((taker, (fix, _)),) = associate(
+        [believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")], CLUTTER
+    ).pairs.items()
     assert (["believed", "newborn"][taker], fix) == (takes, 0)
 
 
@@ -73,7 +75,7 @@ def test_a_target_in_view_takes_the_fix_unless_the_one_out_of_view_is_far_likeli
         [a_fix(0.0, (4, 3, 0), label="target")],
         clutter(model, 640.0 * 480.0),
         lambda place: place[0] < 5.0,
-    )
+    ).pairs
     assert [tracks[i].apparent_ned[0] for i in taken] == [takes]
 
 
@@ -87,7 +89,7 @@ def test_a_tentative_track_in_view_was_not_missed():
         [a_fix(0.0, (4, 3, 0), label="target")],
         clutter(DetectorModel(detection_probability=0.9), 640.0 * 480.0),
         lambda place: place[0] < 5.0,
-    )
+    ).pairs
     assert list(taken) == [0]
 
 
@@ -97,7 +99,7 @@ def test_where_false_detections_are_dense_no_track_takes_one_to_avoid_a_miss(eac
     model = DetectorModel(detection_probability=0.9, false=each_frame * 1e6, frames=1e6)
     fix, against = a_fix(0.0, (4, 3, 0), label="target"), clutter(model, 1000.0)
     expecting = Expecting(3.0, against.llr_of(fix) - 3.0 + 4.0)
-    assert list(associate([Candidate("target", expecting, None)], [fix], against)) == ([0] if takes else [])
+    assert list(associate([Candidate("target", expecting, None)], [fix], against).pairs) == ([0] if takes else [])
 
 
 @pytest.mark.parametrize(("beyond", "takes"), [(4.0, True), (5.0, False)])
@@ -106,7 +108,7 @@ def test_a_steady_track_takes_a_fix_that_is_less_unlikely_than_a_miss(beyond, ta
     """A detector that finds 9 of 10: twice the log of 9 is 4.4. ``beyond``: cost of the fix against clutter."""
     fix, against = a_fix(0.0, (4, 3, 0), label="target"), clutter(DetectorModel(detection_probability=0.9), 1000.0)
     expecting = Expecting(3.0, against.llr_of(fix) - 3.0 + beyond)
-    taken = associate([Candidate("target", expecting, None, steady=steady)], [fix], against)
+    taken = associate([Candidate("target", expecting, None, steady=steady)], [fix], against).pairs
     assert list(taken) == ([0] if takes and steady else [])
     assert all(llr == pytest.approx(-0.5 * beyond) for _, llr in taken.values()), "it is evidence against the track"
 
@@ -125,7 +127,7 @@ def test_a_confirmed_track_leaves_its_fix_to_no_other_for_a_false_detection():
             return GateResult(self._distances2[each is false], 3.0)
 
     tracks = [Candidate("target", Near(1.0, 13.0), None), Candidate("target", Near(5.0, 50.0), None)]
-    assert {i: j for i, (j, _) in associate(tracks, [fix, false], CLUTTER).items()} == {0: 0}
+    assert {i: j for i, (j, _) in associate(tracks, [fix, false], CLUTTER).pairs.items()} == {0: 0}
 
 
 def test_a_newborn_does_not_take_a_known_targets_fix():
