@@ -16,7 +16,8 @@ NO_TRUST: Final[dict[int, IdTrust]] = {}
 def with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
     """The costs, less the bonus of pairs whose track and fix have one id; an id that occurs twice is none.
 
-    Where two such pairs may be exchanged, the exchange is one event, of which each counts half.
+    Where two such pairs may be exchanged, the exchange is one event, of which each counts half. Where one fix has the
+    choice, no second place contradicts the id later, so only the persistence of ids counts.
     """
     own = _unique([candidate.detector_id for candidate in frame.candidates])
     of_fix = _unique([fix.sighting.detection.detector_id for fix in frame.fixes])
@@ -29,9 +30,12 @@ def with_ids(costs: Costs, frame: TracksAndFixes, ids: IdEvidence) -> Costs:
         tracks_of[j].append(i)
     found = dict(costs)
     for i, j in same.items():
-        most = ids.most_trust(_least_separation2(j, fixes_of[i], frame), _averaged(i, j, frame))
-        shared = any(k != i and (i, same.get(k)) in costs for k in tracks_of[j])
-        found[i, j] -= (0.5 if shared else 1.0) * min(frame.candidates[i].id_trust, most)
+        trust = frame.candidates[i].id_trust
+        if any(k != i and (i, same.get(k)) in costs for k in tracks_of[j]):
+            most = ids.most_trust(_least_separation2(j, fixes_of[i], frame), _averaged(i, j, frame))
+            found[i, j] -= 0.5 * min(trust, most)
+        else:
+            found[i, j] -= min(trust, ids.most_trust(0.0))
     return found
 
 
