@@ -7,7 +7,7 @@ The sensitivities to heading and terrain are the means over the fixes, as in the
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import degrees, sqrt
+from math import degrees, isfinite, sqrt
 
 import msgspec
 
@@ -130,6 +130,8 @@ class FleetTracks:
             armed=autopilot is not None and autopilot.armed,
             ready=obstacle is None,
             trouble=(obstacle or "")[:300],
+            autopilot_age_s=_age(situation.autopilot_age_s),
+            frame_age_s=_age(situation.frame_age_s),
         )
         if vehicle is None or vehicle.position_ned is None or plane is None:
             return state
@@ -141,6 +143,7 @@ class FleetTracks:
             lon=place.lon_deg,
             alt_amsl=round(place.alt_amsl_m, 2),
             heading_deg=round(heading, 1),
+            position_age_s=_age(s_from_ns(HostNs(situation.now_ns - situation.host_ns_of(vehicle)))),
         )
 
     def _learn(self, tracks: Iterable[Track]) -> None:
@@ -189,6 +192,11 @@ def _room(cov: Matrix3, taken: float, column: Vector3, sigma: float) -> float:
         return 0.0
     filled = (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
     return 1.0 if filled <= LARGEST_SHARE else sqrt(LARGEST_SHARE / filled)
+
+
+def _age(age_s: float | None) -> float | None:
+    """The age as it is sent; None for an infinite one: there was nothing yet."""
+    return None if age_s is None or not isfinite(age_s) else round(max(age_s, 0.0), 2)
 
 
 def _toward(mean: Vector3, value: Vector3, share: float) -> Vector3:

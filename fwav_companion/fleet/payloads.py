@@ -27,6 +27,7 @@ DIGITS = 3
 Triangle = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
 Row = Annotated[tuple[float, ...], Meta(max_length=16)]
 Word = Annotated[str, Meta(max_length=64)]
+Age = Annotated[float, Meta(ge=0.0, le=1e9)]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
 
@@ -93,6 +94,12 @@ class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
     ready: bool = False
     trouble: Annotated[str, Meta(max_length=300)] = ""
     """Why the vehicle is not ready, and what to do; "" if it is ready."""
+    position_age_s: Age | None = None
+    """Age of the place and the heading at ``time_unix``, seconds; None where the sender does not report it."""
+    autopilot_age_s: Age | None = None
+    """Seconds since the autopilot's last heartbeat; None where the sender does not report it."""
+    frame_age_s: Age | None = None
+    """Seconds since the newest frame of detections; None without one, and where the sender does not report it."""
     footprint: Annotated[tuple[tuple[Latitude, Longitude], ...], Meta(max_length=16)] = ()
     """Border of the camera's footprint on the ground; empty if not known."""
 

@@ -111,14 +111,16 @@ def cot_events(
     geoid: GeoidHeight | None = None,
     now_unix: float | None = None,
 ) -> list[bytes]:
-    """One event a vehicle that is heard and a target that is not stale. ``unit``: name of this machine, for the uids.
+    """One event a vehicle and a target whose place is not stale. ``unit``: name of this machine, for the uids.
 
     ``now_unix``: time of the picture, in which ``seen_unix`` counts; None: UTC.
     """
     now = utc_ns / 1e9 if now_unix is None else now_unix
-    events = [
-        _vehicle_event(each, utc_ns, unit, geoid) for each in vehicles if not each.silent and each.lat is not None
-    ]
+    events = []
+    for vehicle in vehicles:
+        age_s = max(0.0, now - vehicle.heard.get("position", vehicle.heard_unix))
+        if vehicle.lat is not None and age_s < COT_VEHICLE_STALE_S:  # its time is that of its place
+            events.append(_vehicle_event(vehicle, utc_ns - round(age_s * 1e9), unit, geoid))
     for target in targets:
         left_s = COT_TARGET_STALE_S - max(0.0, now - target.seen_unix)
         if left_s > 0.0 and target.state not in ("tentative", "dropped"):

@@ -97,13 +97,14 @@ class FleetIntake:
         sender.parts = {}
         return WholeReport(vehicle, now - delay_s, message.bias, tracks)
 
-    def on_state(self, vehicle: str, data: bytes, now: float) -> StateMessage | None:
-        """The state of a vehicle."""
+    def on_state(self, vehicle: str, data: bytes, now: float) -> tuple[StateMessage, float] | None:
+        """The state of a vehicle, and its instant on this process's clock, Unix seconds."""
         message = decoded(data, StateMessage)
         if isinstance(message, str):
             self._refuse(vehicle, message, now)
             return None
-        return None if self._sender(vehicle, message.session, now) is None else message
+        sender = self._sender(vehicle, message.session, now)
+        return None if sender is None else (message, now - sender.delay_s(message.time_unix, now))
 
     def _sender(self, vehicle: str, session: str, now: float) -> FleetSender | None:
         """The sender of a vehicle; None for a second sender with its name, and if there is no room for another."""

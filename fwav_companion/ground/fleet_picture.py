@@ -16,7 +16,7 @@ from fwav_companion.ground.fleet_intake import FleetIntake
 from fwav_companion.ground.fusion.fleet_fusion import FleetFusion
 from fwav_companion.ground.fusion.fused_targets import FusedTarget
 from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, ReportedTrack
-from fwav_companion.ground.picture import GroundPicture, targets_of
+from fwav_companion.ground.picture import GroundPicture, readiness_fields, targets_of
 from fwav_companion.ground.views import TargetView
 
 TURN_S = 0.02
@@ -52,7 +52,7 @@ class FleetPicture:
         report = self._intake.on_tracks(vehicle, data, now)
         if report is None:
             return
-        self._picture.on_vehicle(vehicle, now)
+        self._picture.on_vehicle(vehicle, now, heard={"companion": now})
         sigmas = _sigmas(report.bias)
         tracks = [self._reported(vehicle, track, report.bias, report.at_unix) for track in report.tracks]
         self._fusion.on_tracks(vehicle, [track for track in tracks if track is not None], sigmas, now)
@@ -85,16 +85,22 @@ class FleetPicture:
         return self._message(now)
 
     def _on_state(self, vehicle: str, data: bytes, now: float) -> None:
-        state = self._intake.on_state(vehicle, data, now)
-        if state is None:
+        received = self._intake.on_state(vehicle, data, now)
+        if received is None:
             return
-        fields: dict[str, object] = {"kind": "fleet", "armed": state.armed, "ready": state.ready}
-        fields["readiness"] = "ready" if state.ready else f"not ready: {state.trouble}"
-        fields["footprint"] = state.footprint
+        state, at_unix = received
+        known = self._picture.vehicles.get(vehicle)
+        fields: dict[str, object] = {"companion": "healthy", "armed": state.armed, "footprint": state.footprint}
+        fields |= readiness_fields(known, ready=state.ready, trouble=state.trouble)
+        if known is None or not known.kind:
+            fields["kind"] = "fleet"
+        ages = {"autopilot": state.autopilot_age_s, "detector": state.frame_age_s}
         if state.lat is not None and state.lon is not None:
-            fields |= {"lat": state.lat, "lon": state.lon, "alt_amsl": state.alt_amsl, "placed_unix": now}
+            fields |= {"lat": state.lat, "lon": state.lon, "alt_amsl": state.alt_amsl}
             fields["heading_deg"] = state.heading_deg
-        self._picture.on_vehicle(vehicle, now, **fields)
+            ages |= dict.fromkeys(("position", "attitude"), state.position_age_s or 0.0)
+        heard = {name: at_unix - age_s for name, age_s in ages.items() if age_s is not None}
+        self._picture.on_vehicle(vehicle, now, heard={"companion": now, "readiness": now, **heard}, **fields)
 
     def _reported(self, vehicle: str, track: SharedTrack, bias: VehicleBias, at_unix: float) -> ReportedTrack | None:
         """The track in the common plane with its covariance split; None if it is out of reach."""
@@ -163,7 +169,17 @@ class FleetPicture:
             source="fused",
             vehicles={name: str(track) for name, track in target.members.items()},
             left_out=dict(target.left_out),
+            contradicted=self._contradiction(target),
         )
+
+    def _contradiction(self, target: FusedTarget) -> str:
+        """What contradicts the claim of a fused target; "": nothing that is known."""
+        for vehicle, reason in target.left_out.items():
+            return f"vehicle {vehicle} sees it {reason}"
+        for pair in self._fusion.disagreements:
+            if not pair.isdisjoint(target.members):
+                return f"vehicles {' and '.join(sorted(pair))} disagree about what both see"
+        return ""
 
     def _message(self, now: float) -> list[bytes]:
         """The fused picture for the bus."""

@@ -7,12 +7,13 @@ needed: a slow reader skips states.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import cos, hypot, radians
 from typing import Any
 
 from msgspec.structs import replace
 
+from fwav_companion.ground.evidence import SILENT_S, STATED_BY, SilenceTexts, newest, silent_parts
 from fwav_companion.ground.views import PastPoint, PictureUpdate, SourceView, TargetView, TextView, VehicleView
 
 MAX_VEHICLES = 200
@@ -24,13 +25,12 @@ MAX_REMOVED = 2 * MAX_TARGETS
 """Most removals that are remembered; a reader that missed older ones gets the whole picture."""
 MAX_TEXT = 200
 """Most characters of a text that are kept."""
-SILENT_S = 5.0
-"""Time without a message after which a vehicle is silent, seconds: five missed heartbeats (MAVLink,
-Heartbeat/Connection Protocol)."""
 GONE_S = 60.0
 """Time after which a lost or dropped target disappears."""
 FORGOTTEN_S = 1800.0
 """Time without a report after which any target disappears."""
+REPEAT_S = 10.0
+"""Time in which the same text of a vehicle is one text: it may come by two links."""
 HISTORY_STEP_S = 1.0
 PATH_STEP_M = 0.5
 METRES_A_DEGREE = 111_320.0
@@ -59,22 +59,29 @@ class GroundPicture:
         self._covered: frozenset[str] = frozenset()
         self._paths: dict[str, deque[PastPoint]] = {}
         self._histories: dict[str, deque[PastPoint]] = {}
+        self._reported: dict[str, float] = {}
+        """Instant of the newest report of each target."""
+        self._silences = SilenceTexts()
 
     # What comes in.
 
-    def on_vehicle(self, vehicle: str, now: float, **changes: Any) -> None:
-        """Change fields of a vehicle; an unknown one is added where there is room."""
+    def on_vehicle(self, vehicle: str, now: float, *, heard: Mapping[str, float] | None = None, **changes: Any) -> None:
+        """Change fields of a vehicle; an unknown one is added where there is room.
+
+        ``heard``: the instants of the evidence for these changes, by part and value; without one nothing is newer.
+        """
         known = self._vehicles.get(vehicle)
         if known is None:
             if len(self._vehicles) >= MAX_VEHICLES:
                 self.refused += 1
                 return
-            known = VehicleView(id=vehicle, heard_unix=now)
+            known = VehicleView(id=vehicle, number=len(self._vehicles), heard_unix=now)
             self.say(vehicle, "heard for the first time", now, severity=NOTICE)
-        elif known.silent:
-            self.say(vehicle, "is heard again", now, severity=NOTICE)
-        changed = {"heard_unix": now, "silent": False, **changes}
-        self._vehicles[vehicle] = replace(known, revision=self._next(), **changed)
+        instants = dict(known.heard)
+        for name, at in (heard or {}).items():
+            instants[name] = max(at, instants.get(name, at))
+        changed = replace(known, **changes, heard=instants, heard_unix=newest(instants, known.heard_unix))
+        self._vehicles[vehicle] = replace(_judged(changed, known, now), revision=self._next())
         if "lat" in changes and changes["lat"] is not None:
             self._extend_path(vehicle, PastPoint(now, changes["lat"], changes["lon"]))
 
@@ -86,10 +93,12 @@ class GroundPicture:
         if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
             self.refused += 1
             return
-        if known is not None and _knows_more(known, target, now):
+        if known is not None and _knows_more(known, target, now - self._reported[target.id]):
             return
         first = target.first_unix if known is None else min(known.first_unix, target.first_unix)
-        self._targets[target.id] = replace(target, revision=self._next(), first_unix=first)
+        since = _since(target.contradicted, known, now)
+        self._targets[target.id] = replace(target, revision=self._next(), first_unix=first, contradicted_unix=since)
+        self._reported[target.id] = now
         history = self._histories.setdefault(target.id, deque(maxlen=MAX_HISTORY))
         if not history or now >= history[-1].time_unix + HISTORY_STEP_S:
             history.append(PastPoint(now, target.lat, target.lon, target.radius95_m))
@@ -99,6 +108,7 @@ class GroundPicture:
         if self._targets.pop(target, None) is None:
             return
         self._histories.pop(target, None)
+        self._reported.pop(target, None)
         if len(self._removed) == MAX_REMOVED:
             self._forgotten_revision = self._removed[0][0]
         self._removed.append((self._next(), target))
@@ -110,8 +120,12 @@ class GroundPicture:
             self.remove_target(target)
 
     def say(self, vehicle: str, text: str, now: float, *, severity: int) -> None:
-        """Append a text."""
+        """Append a text, unless the vehicle has just said the same."""
         shown = "".join(one if one.isprintable() else " " for one in text[:MAX_TEXT])
+        if any(
+            each.text == shown and each.vehicle == vehicle and now < each.time_unix + REPEAT_S for each in self._texts
+        ):
+            return
         self._texts.append(
             TextView(revision=self._next(), time_unix=now, vehicle=vehicle, severity=severity, text=shown)
         )
@@ -123,12 +137,13 @@ class GroundPicture:
             self._next()
 
     def advance(self, now: float) -> None:
-        """Report vehicles that fell silent, and remove targets that ended or were not reported for long."""
-        for vehicle in [each for each in self._vehicles.values() if not each.silent]:
-            if now > vehicle.heard_unix + SILENT_S:
-                silent_s = now - vehicle.heard_unix
-                self._vehicles[vehicle.id] = replace(vehicle, silent=True, companion=None, revision=self._next())
-                self.say(vehicle.id, f"silent for {silent_s:.0f} s: check its link", now, severity=WARNING)
+        """Report what fell silent or came back, and remove targets that ended or were not reported for long."""
+        for known in list(self._vehicles.values()):
+            vehicle = _judged(known, known, now)
+            if vehicle is not known:
+                self._vehicles[known.id] = replace(vehicle, revision=self._next())
+            for text, is_warning in self._silences.due(vehicle, now):
+                self.say(known.id, text, now, severity=WARNING if is_warning else NOTICE)
         for target in list(self._targets.values()):
             limit_s = GONE_S if target.state in ENDED else FORGOTTEN_S
             if now > target.seen_unix + limit_s:
@@ -191,10 +206,40 @@ class GroundPicture:
         return self.revision
 
 
-def _knows_more(known: TargetView, target: TargetView, now: float) -> bool:
-    """Whether a fresh report of the target came from a better input than the present report."""
-    better = PRECEDENCE.get(known.source, 0) > PRECEDENCE.get(target.source, 0)
-    return better and now <= known.seen_unix + FRESH_S
+def readiness_fields(known: VehicleView | None, *, ready: bool, trouble: str) -> dict[str, Any]:
+    """Fields of a vehicle by its present readiness; a text of the vehicle itself that says the same remains."""
+    if ready and known is not None and known.ready:
+        return {"ready": True}
+    return {"ready": ready, "readiness": "ready" if ready else f"not ready: {trouble}"}
+
+
+def _judged(vehicle: VehicleView, known: VehicleView, now: float) -> VehicleView:
+    """The vehicle with what its evidence is worth now. ``known``: the vehicle before its changes."""
+    quiet, silent = silent_parts(vehicle.heard, now), now > vehicle.heard_unix + SILENT_S
+    ready = None if silent or not quiet.keys().isdisjoint(STATED_BY) else vehicle.ready
+    unchanged = (quiet, silent, ready, vehicle.contradicted)
+    if vehicle is known and unchanged == (known.quiet, known.silent, known.ready, known.contradicted):
+        return known
+    return replace(
+        vehicle,
+        quiet=quiet,
+        silent=silent,
+        ready=ready,
+        ready_unix=known.ready_unix if ready is known.ready else now,
+        contradicted_unix=_since(vehicle.contradicted, known, now),
+    )
+
+
+def _since(contradicted: str, known: VehicleView | TargetView | None, now: float) -> float | None:
+    """Instant since which a claim is contradicted; None where it is not."""
+    if not contradicted:
+        return None
+    return now if known is None or known.contradicted_unix is None else known.contradicted_unix
+
+
+def _knows_more(known: TargetView, target: TargetView, age_s: float) -> bool:
+    """Whether the present report of the target, of this age, is fresh and came from a better input."""
+    return age_s <= FRESH_S and PRECEDENCE.get(known.source, 0) > PRECEDENCE.get(target.source, 0)
 
 
 def targets_of(picture: GroundPicture, source: str) -> Iterable[TargetView]:

@@ -32,13 +32,16 @@ class PictureMessages:
         self._plane: TangentPlane | None = None
         self._frames: dict[str, str] = {}
         self._said_revision = 0
+        self._placed_unix: dict[str, float] = {}
 
     def of_update(self, update: PictureUpdate) -> Iterator[Message]:
         """The messages of one update. A whole one replaces every entity of the scene."""
         at_ns = round(update.now_unix * NS_PER_S)
         at = stamp(at_ns)
+        if update.whole:
+            self._placed_unix.clear()
         for vehicle in update.vehicles:
-            yield from self._of_vehicle(at_ns, at, vehicle)
+            yield from self._of_vehicle(vehicle)
         ended = [target.id for target in update.targets if target.state == "dropped"] + update.removed
         deletions = [{"timestamp": at, "type": ALL_ENTITIES, "id": ""}] if update.whole else []
         deletions += [deletion(at, name) for name in ended]
@@ -64,9 +67,14 @@ class PictureMessages:
                 }
                 yield "/log", at_ns, content
 
-    def _of_vehicle(self, at_ns: int, at: Stamp, vehicle: VehicleView) -> Iterator[Message]:
-        if vehicle.silent or vehicle.lat is None or vehicle.lon is None:
+    def _of_vehicle(self, vehicle: VehicleView) -> Iterator[Message]:
+        """The place of a vehicle at its own instant; nothing where the place is that of the last update."""
+        placed_unix = vehicle.heard.get("position", vehicle.heard_unix)
+        if vehicle.lat is None or vehicle.lon is None or self._placed_unix.get(vehicle.id) == placed_unix:
             return
+        self._placed_unix[vehicle.id] = placed_unix
+        at_ns = round(placed_unix * NS_PER_S)
+        at = stamp(at_ns)
         frame = self._frames.setdefault(vehicle.id, f"vehicle {vehicle.id}" if self._frames else "vehicle")
         yield "/tf", at_ns, transform(at, frame, self._place(vehicle.lat, vehicle.lon, vehicle.alt_amsl))
         yield "/vehicle/location", at_ns, location(at, vehicle.lat, vehicle.lon, vehicle.alt_amsl or 0.0, None)

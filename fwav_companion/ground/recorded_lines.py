@@ -17,6 +17,9 @@ from fwav_companion.ground.views import PictureUpdate, TargetView
 VEHICLE = "1"
 """Name of the vehicle of a targets file, which has one vehicle and does not name it."""
 
+NOT_RECORDED = ("id", "revision", "number", "heard_unix", "quiet", "silent", "ready_unix", "contradicted_unix")
+"""Fields of a recorded vehicle that the picture makes itself."""
+
 
 class RecordedLines:
     """Takes the lines of one recording in their order."""
@@ -88,16 +91,18 @@ class RecordedLines:
         changes: dict[str, Any] = {"lat": place.lat_deg, "lon": place.lon_deg, "alt_amsl": place.alt_amsl_m}
         if self._heading_deg is not None:
             changes["heading_deg"] = self._heading_deg
-        self._picture.on_vehicle(VEHICLE, now, kind="recording", placed_unix=now, height_m=-ned[2], **changes)
+        heard = {"position": now, "attitude": now}
+        self._picture.on_vehicle(VEHICLE, now, heard=heard, kind="recording", height_m=-ned[2], **changes)
 
     def _on_picture(self, line: Mapping[str, Any], now: float) -> None:
         """Take an update that `--record` has written."""
         update = msgspec.convert(line["update"], PictureUpdate)
         for vehicle in update.vehicles:
             fields = msgspec.structs.asdict(vehicle)
-            for name in ("id", "revision", "heard_unix", "silent"):
+            for name in NOT_RECORDED:
                 del fields[name]
-            self._picture.on_vehicle(vehicle.id, now, **fields)
+            heard = fields.pop("heard") or {"position": now}
+            self._picture.on_vehicle(vehicle.id, now, heard=heard, **fields)
         for target in update.targets:
             self._picture.on_target(target, now)
         for target_id in update.removed:

@@ -9,6 +9,7 @@ from importlib.resources import files
 import msgspec
 from aiohttp import web
 
+from fwav_companion.geoid import geoid_undulation_m
 from fwav_companion.ground.access import SECURITY_HEADERS, AccessRules
 from fwav_companion.ground.exports import cot_events, csv_table, geojson, kml, one_document
 from fwav_companion.ground.guarded_site import GuardedSite, attached, json_response
@@ -114,7 +115,11 @@ class PageServer:
         if kind == "csv":
             return csv_table(targets)
         utc_ns = self._utc_ns()
-        return None if utc_ns is None else one_document(cot_events(targets, utc_ns, self._unit))
+        if utc_ns is None:
+            return None
+        now_unix = self._clock()
+        events = cot_events(targets, utc_ns, self._unit, vehicles=vehicles, geoid=geoid_undulation_m, now_unix=now_unix)
+        return one_document(events)
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         """Server-Sent Events: all paths, the whole picture, then its changes."""

@@ -12,7 +12,7 @@ import msgspec
 
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.ground.covariances import ellipse_of, from_triangle
-from fwav_companion.ground.picture import GroundPicture, targets_of
+from fwav_companion.ground.picture import GroundPicture, readiness_fields, targets_of
 from fwav_companion.ground.views import TargetView
 from fwav_companion.types.flight_status import TrackReport
 from fwav_companion.types.status import RunStatus
@@ -106,24 +106,61 @@ class StatusReader:
         if status.autopilot is None or stale:
             return
         vehicle = str(status.autopilot.system)
-        self._picture.on_vehicle(vehicle, now, checks=self._checks, armed=status.autopilot.armed)
+        known = self._picture.vehicles.get(vehicle)
+        fields: dict[str, Any] = {"checks": self._checks, "armed": status.autopilot.armed, "companion": "healthy"}
+        if status.obstacle is not None:
+            fields |= readiness_fields(known, ready=not status.obstacle, trouble=status.obstacle)
         if status.footprint:
-            self._picture.on_vehicle(vehicle, now, footprint=tuple(status.footprint))
-        self._show(vehicle, status.tracks, now)
+            fields["footprint"] = tuple(status.footprint)
+        fields["contradicted"] = vehicle_contradiction(status)
+        self._picture.on_vehicle(vehicle, now, heard=evidence_of(status, self._changed_unix), **fields)
+        self._show(vehicle, status, now)
 
-    def _show(self, vehicle: str, tracks: list[TrackReport], now: float) -> None:
-        """Show these tracks, and remove those that the status no longer has."""
+    def _show(self, vehicle: str, status: RunStatus, now: float) -> None:
+        """Show its tracks, and remove those that the status no longer has."""
+        tracks = status.tracks
         shown = {f"{vehicle}/{track.track}" for track in tracks}
         for old in targets_of(self._picture, "status"):
             if old.id not in shown and old.vehicle == vehicle:
                 self._picture.remove_target(old.id)
         for track in tracks:
-            view = view_of(vehicle, track, now)
+            view = view_of(vehicle, track, now, target_contradiction(status, track))
             if view is not None:
                 self._picture.on_target(view, now)
 
 
-def view_of(vehicle: str, track: TrackReport, now: float) -> TargetView | None:
+def evidence_of(status: RunStatus, at_unix: float) -> dict[str, float]:
+    """The instants of the evidence in a status of this instant, by part and value."""
+    ages = {"companion": 0.0, "detector": status.intake.age_s}
+    if status.obstacle is not None:
+        ages["readiness"] = 0.0
+    if status.autopilot is not None:
+        ages["autopilot"] = status.autopilot.age_s
+    if status.vision is not None and status.vision.works:
+        ages["camera"] = 0.0
+    return {name: at_unix - age_s for name, age_s in ages.items() if age_s is not None}
+
+
+def vehicle_contradiction(status: RunStatus) -> str:
+    """What contradicts every claim of this vehicle; "": nothing that is known."""
+    if status.calibration is not None and status.calibration.mistake:
+        return f"camera mount: {status.calibration.mistake}"
+    for landmark in status.seen.landmarks:
+        if landmark.contradicts:
+            return f"landmarks {', '.join(sorted((landmark.label, *landmark.contradicts)))} contradict one another"
+    return ""
+
+
+def target_contradiction(status: RunStatus, track: TrackReport) -> str:
+    """What contradicts the claim of this track; "": nothing that is known."""
+    agreement = status.seen.agreement
+    if not agreement.disagrees or agreement.label != track.label:
+        return ""
+    but = "" if agreement.turn_deg is not None else ", unless it moves"
+    return f"its fixes disagree by {agreement.apart_m:.1f} m (median), more than is claimed{but}"
+
+
+def view_of(vehicle: str, track: TrackReport, now: float, contradicted: str = "") -> TargetView | None:
     """The track as a target of the picture; None without a place on the earth."""
     if track.lat is None or track.lon is None:
         return None
@@ -139,6 +176,7 @@ def view_of(vehicle: str, track: TrackReport, now: float) -> TargetView | None:
         alt_amsl=track.alt_amsl,
         ellipse=None if cov is None else ellipse_of(cov),
         radius95_m=None if cov is None else radius_95(cov),
+        contradicted=contradicted,
         first_unix=now - track.first_seen_s,
         seen_unix=now - track.last_seen_s,
         source="status",

@@ -31,6 +31,8 @@ REPORTED = re.compile(
     r"(?P<lat>-?\d+\.\d+), (?P<lon>-?\d+\.\d+), 95 % within (?P<radius>\d+(?:\.\d+)?) m"
 )
 """Texts of the companion about targets."""
+CONTRADICTED = re.compile(r"camera mount: .+|landmarks .+ contradict one another")
+"""Texts of the companion that say that the claimed accuracy does not hold. It does not take them back."""
 READY = re.compile(r"(?P<not>not )?ready: (?P<text>.+)")
 
 
@@ -80,6 +82,8 @@ class TargetMessages:
         radius, bound = self._radius(values, fields.h_acc, now)
         coasting = fields.tracking_status & CAMERA_TRACKING_STATUS_FLAGS_COASTING
         identity = f"{vehicle}/{track or 'selected'}"
+        known = self._picture.targets.get(identity)
+        seen_unix = now if known is None or not coasting else known.seen_unix
         if numbered:
             self._picture.remove_target(f"{vehicle}/selected")
         self._picture.on_target(
@@ -96,7 +100,7 @@ class TargetMessages:
                 radius95_m=radius,
                 bound=bound,
                 first_unix=now,
-                seen_unix=now,
+                seen_unix=seen_unix,
                 source="mavlink",
             ),
             now,
@@ -125,7 +129,10 @@ class TargetMessages:
         if component == AUTOPILOT:
             return
         if (ready := READY.match(text)) is not None:
-            self._picture.on_vehicle(vehicle, now, ready=ready["not"] is None, readiness=text)
+            heard = {"companion": now, "readiness": now}
+            self._picture.on_vehicle(vehicle, now, heard=heard, ready=ready["not"] is None, readiness=text)
+        elif CONTRADICTED.match(text) is not None:
+            self._picture.on_vehicle(vehicle, now, contradicted=text)
         elif (report := REPORTED.match(text)) is not None:
             self._on_report(vehicle, report, now)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion, euler_from_quaternion, quaternion_from_euler
+from fwav_companion.ground.evidence import SILENT_S
 from fwav_companion.ground.footprint import corner_rays, footprint
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.mavlink.wire.enums import (
@@ -26,7 +27,6 @@ from fwav_companion.types import Message
 
 MAX_SYSTEMS = 250
 FOOTPRINT_STEP_S = 0.2
-COMPANION_SILENT_S = 5.0
 FIRMWARE = {MAV_AUTOPILOT_ARDUPILOTMEGA: "ArduPilot", MAV_AUTOPILOT_PX4: "PX4"}
 TYPES = {1: "plane", 2: "copter", 10: "rover", 11: "boat", 13: "copter", 14: "copter", 16: "flapping wing", 20: "VTOL"}
 """MAV_TYPE in words, for the types in use here."""
@@ -40,16 +40,16 @@ class VehicleMemory:
 
     def __init__(self) -> None:
         self.changes: dict[str, Any] = {}
-        self.heard_unix: float | None = None
-        """Instant of the newest heartbeat that is not written yet."""
+        self.heard: dict[str, float] = {}
+        """Instants of what was received, by part and value, that are not written yet."""
         self.known = False
         """Whether a heartbeat of an autopilot was received."""
         self.place: Geodetic | None = None
+        self.placed_unix = 0.0
         self.height_m: float | None = None
         self.attitude: Quaternion | None = None
         self.field_of_view_deg: tuple[float, float] | None = None
         self.footprint_unix = 0.0
-        self.companion_unix: float | None = None
         self.undulation_m: float | None = None
         """Height of the geoid above the ellipsoid by the vehicle's receiver."""
         self.components: set[int] = set()
@@ -90,17 +90,12 @@ class VehicleMessages:
     def flush(self, now: float) -> None:
         """Write the fields received since the last call to the picture."""
         for system, memory in self._memories.items():
-            if memory.known and memory.companion_unix is not None and now > memory.companion_unix + COMPANION_SILENT_S:
-                memory.changes["companion"], memory.companion_unix = "silent", None
-            if not memory.known or not (memory.changes or memory.heard_unix is not None):
+            if not memory.known or not (memory.changes or memory.heard):
                 continue
             self._add_footprint(memory, now)
             changes, memory.changes = memory.changes, {}
-            heard, memory.heard_unix = memory.heard_unix, None
-            known = self._picture.vehicles.get(str(system))
-            heard_unix = heard if heard is not None else now if known is None else known.heard_unix
-            silent = known is not None and known.silent and heard is None
-            self._picture.on_vehicle(str(system), now, **{"heard_unix": heard_unix, "silent": silent, **changes})
+            heard, memory.heard = memory.heard, {}
+            self._picture.on_vehicle(str(system), now, heard=heard, **changes)
 
     def knows(self, system: int) -> bool:
         """Whether an autopilot of this system was heard."""
@@ -115,12 +110,12 @@ class VehicleMessages:
     def _on_heartbeat(self, memory: VehicleMemory, message: Message, now: float) -> None:
         fields = message.fields
         if fields.autopilot != MAV_AUTOPILOT_INVALID:
-            memory.known, memory.heard_unix = True, now
+            memory.known, memory.heard["autopilot"] = True, now
             firmware = FIRMWARE.get(fields.autopilot, "autopilot")
             memory.changes["kind"] = f"{firmware} {TYPES.get(fields.type, 'vehicle')}"
             memory.changes["armed"] = bool(fields.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
         elif fields.type == MAV_TYPE_ONBOARD_CONTROLLER:
-            memory.companion_unix = now
+            memory.heard["companion"] = now
             critical = fields.system_status >= MAV_STATE_CRITICAL
             memory.changes["companion"] = "trouble" if critical else "healthy"
 
@@ -131,35 +126,40 @@ class VehicleMessages:
         lat, lon, alt_amsl = fields.lat / 1e7, fields.lon / 1e7, fields.alt / 1e3
         memory.place, memory.height_m = Geodetic.from_degrees(lat, lon, alt_amsl), fields.relative_alt / 1e3
         memory.changes |= {"lat": lat, "lon": lon, "alt_amsl": alt_amsl, "height_m": memory.height_m}
-        memory.changes |= {"placed_unix": now, "speed_m_s": hypot(fields.vx, fields.vy) / 100.0}
+        memory.changes["speed_m_s"] = hypot(fields.vx, fields.vy) / 100.0
+        memory.heard["position"] = memory.placed_unix = now
         if fields.hdg != UNKNOWN_U16:
             memory.changes["heading_deg"] = fields.hdg / 100.0
 
-    def _on_attitude(self, memory: VehicleMemory, message: Message, _now: float) -> None:
+    def _on_attitude(self, memory: VehicleMemory, message: Message, now: float) -> None:
         fields = message.fields
-        self._take_attitude(memory, fields.roll, fields.pitch, fields.yaw)
+        self._take_attitude(memory, (fields.roll, fields.pitch, fields.yaw), now)
 
-    def _on_quaternion(self, memory: VehicleMemory, message: Message, _now: float) -> None:
+    def _on_quaternion(self, memory: VehicleMemory, message: Message, now: float) -> None:
         fields = message.fields
         q = (fields.q1, fields.q2, fields.q3, fields.q4)
         if all(map(isfinite, q)) and any(q):
-            self._take_attitude(memory, *euler_from_quaternion(q))
+            self._take_attitude(memory, euler_from_quaternion(q), now)
 
-    def _take_attitude(self, memory: VehicleMemory, roll: float, pitch: float, yaw: float) -> None:
-        if not all(map(isfinite, (roll, pitch, yaw))):
+    def _take_attitude(self, memory: VehicleMemory, euler: tuple[float, float, float], now: float) -> None:
+        if not all(map(isfinite, euler)):
             return
+        roll, pitch, yaw = euler
         memory.attitude = quaternion_from_euler(roll, pitch, yaw)
         memory.changes |= {"roll_deg": degrees(roll), "pitch_deg": degrees(pitch)}
         memory.changes["heading_deg"] = degrees(yaw % (2.0 * pi))
+        memory.heard["attitude"] = now
 
-    def _on_battery(self, memory: VehicleMemory, message: Message, _now: float) -> None:
+    def _on_battery(self, memory: VehicleMemory, message: Message, now: float) -> None:
         fields = message.fields
+        memory.heard["battery"] = now
         known = fields.voltage_battery not in (0, UNKNOWN_U16)
         memory.changes["battery_v"] = fields.voltage_battery / 1e3 if known else None
         memory.changes["battery_percent"] = fields.battery_remaining if fields.battery_remaining >= 0 else None
 
-    def _on_gps(self, memory: VehicleMemory, message: Message, _now: float) -> None:
+    def _on_gps(self, memory: VehicleMemory, message: Message, now: float) -> None:
         fields = message.fields
+        memory.heard["gps"] = now
         kind = GPS_FIXES[fields.fix_type] if fields.fix_type < len(GPS_FIXES) else "unknown"
         seen = "" if fields.satellites_visible == 255 else f", {fields.satellites_visible} satellites"
         memory.changes["gps"] = kind + seen
@@ -188,6 +188,9 @@ class VehicleMessages:
     def _add_footprint(self, memory: VehicleMemory, now: float) -> None:
         """Add the camera's footprint, at most five times a second."""
         if memory.place is None or memory.height_m is None or memory.attitude is None:
+            return
+        if now > memory.placed_unix + SILENT_S:  # the view of a place where it may no longer be
+            memory.changes["footprint"] = ()
             return
         view = memory.field_of_view_deg or (None if self._hfov_deg is None else (self._hfov_deg, 0.75 * self._hfov_deg))
         if view is None or now < memory.footprint_unix + FOOTPRINT_STEP_S:

@@ -31,12 +31,17 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     """Revision of the picture with the last change of this entry."""
     kind: str = ""
     """Firmware and type, for example "ArduPilot copter"."""
+    number: int = 0
+    """Number in the order of appearance, which gives the vehicle its colour."""
     heard_unix: float
     """Instant of the last message."""
-    placed_unix: float | None = None
-    """Instant of the last position."""
+    heard: dict[str, float] = {}
+    """Instant of the newest evidence by part (autopilot, companion, camera, detector) and by value (position, attitude,
+    battery, gps, readiness), as measured: a message that repeats an old value does not renew it."""
+    quiet: dict[str, float] = {}
+    """Parts that are silent, with the instant since which they are."""
     silent: bool = False
-    """Whether heartbeats are overdue."""
+    """Whether every part is silent."""
     lat: float | None = None
     lon: float | None = None
     alt_amsl: float | None = None
@@ -53,11 +58,18 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     gps: str | None = None
     """Kind of the GNSS fix, with the number of satellites."""
     companion: str | None = None
-    """State of the companion: "healthy", "trouble" or "silent"; None: never heard."""
+    """State of the companion by its newest report, "healthy" or "trouble"; None: never heard."""
     ready: bool | None = None
-    """Whether it can localize targets, by its own report; None: not reported yet."""
+    """Whether it can localize targets, by its own report; None: not reported, or not since a part that it needs fell
+    silent."""
+    ready_unix: float | None = None
+    """Instant since which this is so."""
     readiness: str | None = None
-    """Text of that readiness report."""
+    """Text of the newest readiness report."""
+    contradicted: str = ""
+    """What contradicts the accuracy that this vehicle claims; "": nothing that is known."""
+    contradicted_unix: float | None = None
+    """Instant since which it is contradicted."""
     checks: tuple[str, ...] = ()
     """Findings of `check` from the status file, worst first."""
     footprint: tuple[LatLon, ...] = ()
@@ -82,11 +94,15 @@ class TargetView(msgspec.Struct, frozen=True, kw_only=True):
     ellipse: EllipseView | None = None
     radius95_m: float | None = None
     """Radius of the 95 % circle."""
+    contradicted: str = ""
+    """What contradicts its claimed accuracy; "": nothing that is known."""
+    contradicted_unix: float | None = None
+    """Instant since which it is contradicted."""
     bound: bool = False
     """Whether ellipse and radius are upper bounds: the message carried only the larger semi-axis."""
     first_unix: float
     seen_unix: float
-    """Instant at which the vehicle last reported it."""
+    """Instant of its last fix, as far as the input reports it; else of its last report."""
     source: str
     """mavlink | text | status | fleet | fused | recording."""
     vehicles: dict[str, str] = {}

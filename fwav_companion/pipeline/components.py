@@ -69,6 +69,8 @@ class Components:
             clock_estimate=partial(telemetry.clock.estimate, now),
             undulation_m=telemetry.undulation_m,
             utc_minus_host_s=self.utc_minus_host_s(),
+            autopilot_age_s=self.identity.heard_age_s(now),
+            frame_age_s=None if self.camera is None else self.camera.frame_age_s(now),
             board=self.board,
         )
 
@@ -101,11 +103,16 @@ class Components:
 
     def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
         """The confirmed and coasting tracks, the vehicle, and why the service is not ready; None where it is ready."""
-        trouble = "no camera is configured"
-        if self.camera is not None:
-            found = obstacle(self.readiness(self.camera, now))
-            trouble = "" if found is None else found.text
-        return self.publisher.believed, self.situation(now), trouble or None
+        trouble = self.obstacle(now)
+        why = "no camera is configured" if trouble is None else trouble
+        return self.publisher.believed, self.situation(now), why or None
+
+    def obstacle(self, now: HostNs) -> str | None:
+        """Why the service is not ready; "" where it is; None without a camera."""
+        if self.camera is None:
+            return None
+        found = obstacle(self.readiness(self.camera, now))
+        return "" if found is None else found.text
 
     def spot_views(self, frame: Frame) -> SpotViews:
         """Predicted views of the clicked spots in a picture that the camera process has just taken."""
@@ -145,8 +152,9 @@ class Components:
         """The pipeline's part of the status. ``log``: counts frames, fixes and refusals."""
         plane, report = self.telemetry.world.plane, None if self.camera is None else self.camera.calibration
         return PipelineStatus(
-            autopilot=_autopilot_report(self.identity.autopilot),
+            autopilot=_autopilot_report(self.identity.autopilot, self.identity.heard_age_s(now)),
             autopilot_lost=self.identity.autopilot_lost,
+            obstacle=self.obstacle(now),
             adopted_s=inf if self.adopted_ns is None else s_from_ns(now - self.adopted_ns),
             clock=_clock_report(self.telemetry.clock.estimate(now)),
             timesync=self.timesync.status(),
@@ -168,7 +176,7 @@ class Components:
         )
 
 
-def _autopilot_report(autopilot: Autopilot | None) -> AutopilotReport | None:
+def _autopilot_report(autopilot: Autopilot | None, age_s: float | None) -> AutopilotReport | None:
     if autopilot is None:
         return None
     return AutopilotReport(
@@ -178,6 +186,7 @@ def _autopilot_report(autopilot: Autopilot | None) -> AutopilotReport | None:
         vehicle_type=autopilot.vehicle_type,
         armed=autopilot.armed,
         link=autopilot.link,
+        age_s=age_s,
     )
 
 

@@ -104,9 +104,15 @@ class EventMaker(msgspec.Struct, frozen=True):
         )
 
     def vehicle(self, aim: CameraAim | None, situation: Situation, utc_ns: int) -> MapEvent | None:
-        """The vehicle with its camera's view; None while its position is not known."""
+        """The vehicle with its camera's view at the instant of its newest attitude, from which its validity counts.
+
+        None while its position is not known, and once it is stale: an old place must not be sent as a new one.
+        """
         state, plane = situation.vehicle, situation.plane
         if state is None or plane is None or state.position_ned is None:
+            return None
+        age_ns = situation.now_ns - situation.host_ns_of(state)
+        if age_ns >= ns_from_s(self.options.cot_stale_s):
             return None
         place = plane.geodetic_from_ned(state.position_ned)
         system = 0 if situation.autopilot is None else situation.autopilot.system
@@ -115,7 +121,7 @@ class EventMaker(msgspec.Struct, frozen=True):
             uid=f"{self.prefix(situation)}.vehicle",
             kind=kind,
             how=MACHINE,
-            utc_ns=utc_ns,
+            utc_ns=utc_ns - age_ns,
             stale_s=self.options.cot_stale_s,
             lat_deg=place.lat_deg,
             lon_deg=place.lon_deg,
@@ -124,7 +130,7 @@ class EventMaker(msgspec.Struct, frozen=True):
             details=(*_track(state.velocity_ned), *self._sensor(aim, state.position_ned)),
         )
 
-    def spi(self, aim: CameraAim | None, vehicle: MapEvent, situation: Situation, utc_ns: int) -> MapEvent | None:
+    def spi(self, aim: CameraAim | None, vehicle: MapEvent, situation: Situation) -> MapEvent | None:
         """The point that the camera looks at, linked to the vehicle's event; None where the axis meets no ground."""
         if aim is None or aim.place_ned is None or situation.plane is None:
             return None
@@ -133,7 +139,7 @@ class EventMaker(msgspec.Struct, frozen=True):
             uid=f"{self.prefix(situation)}.spi",
             kind=SPI_KIND,
             how=SPI_HOW,
-            utc_ns=utc_ns,
+            utc_ns=vehicle.utc_ns,
             stale_s=self.options.cot_stale_s,
             lat_deg=place.lat_deg,
             lon_deg=place.lon_deg,

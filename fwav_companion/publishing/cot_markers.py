@@ -80,7 +80,7 @@ class MapMarkers:
         vehicle = self._maker.vehicle(aim, situation, utc_ns)
         if vehicle is None:
             return []
-        spi = self._maker.spi(aim, vehicle, situation, utc_ns)
+        spi = self._maker.spi(aim, vehicle, situation)
         return [vehicle] if spi is None else [vehicle, spi]
 
     def _live(self, track: Track, is_selected: bool, situation: Situation, utc_ns: int) -> list[MapEvent]:

@@ -18,7 +18,6 @@ from fwav_companion.publishing.landing_reports import LandingReports, Refusal, W
 from fwav_companion.publishing.landing_vector import (
     StateAt,
     in_body,
-    instant_of,
     landing_fields,
     relative_to_vehicle,
     state_when_used,
@@ -219,7 +218,7 @@ class Landing:
 
     def _to_px4(self, track: Track, situation: Situation) -> Outgoing | Refusal | None:
         state = situation.vehicle
-        if state is None or s_from_ns(situation.now_ns - instant_of(state, situation)) > OLDEST_ATTITUDE_S:
+        if state is None or s_from_ns(situation.now_ns - situation.host_ns_of(state)) > OLDEST_ATTITUDE_S:
             return _no_attitude(situation)
         local = None if self._local_position_at is None else self._local_position_at(state.boot_ns)
         if local is None:
@@ -252,7 +251,7 @@ class Landing:
         body_frd: Vector3,
     ) -> Outgoing | None:
         """The message; None where its time would not rise. ``point``: the frame, and the target in it."""
-        instant_ns = instant_of(state, situation)
+        instant_ns = situation.host_ns_of(state)
         if self._sent_usec is not None and instant_ns // NS_PER_US <= self._sent_usec:
             return None
         self._sent_usec = instant_ns // NS_PER_US
@@ -268,4 +267,4 @@ def _no_attitude(situation: Situation) -> Refusal:
     newest = situation.vehicle
     if newest is None:
         return Refusal(Withheld.NO_VEHICLE)
-    return Refusal(Withheld.NO_VEHICLE, s_from_ns(situation.now_ns - instant_of(newest, situation)))
+    return Refusal(Withheld.NO_VEHICLE, s_from_ns(situation.now_ns - situation.host_ns_of(newest)))

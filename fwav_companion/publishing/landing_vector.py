@@ -53,14 +53,6 @@ def state_when_used(situation: Situation, lag_s: float, state_at: StateAt | None
     return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
 
 
-def instant_of(state: VehicleState, situation: Situation) -> HostNs:
-    """Instant of a vehicle's state on the host clock, never in the future."""
-    clock = situation.clock
-    if clock is None:
-        return situation.now_ns
-    return min(situation.now_ns, HostNs(state.boot_ns + clock.host_from_autopilot_ns))
-
-
 def relative_to_vehicle(
     track: Track, fix: GroundFix | None, state: VehicleState, camera_position_m: Vector3
 ) -> Vector3 | None:

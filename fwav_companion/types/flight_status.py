@@ -5,6 +5,12 @@ from __future__ import annotations
 import msgspec
 from msgspec import UNSET, UnsetType
 
+APART = 0.4
+"""Share of fixes beyond the 95 % bound by [uncertainty] from which fixes disagree: it is at most 0.3 in the mock's
+healthy flights, and at least 0.45 with a mount turned by 90 deg."""
+APART_M = 0.8
+"""Least median distance of fixes that disagree, metres: that of fixes that swing by a metre to each side."""
+
 
 class AutopilotReport(msgspec.Struct, frozen=True, kw_only=True):
     """The adopted autopilot."""
@@ -18,6 +24,8 @@ class AutopilotReport(msgspec.Struct, frozen=True, kw_only=True):
     armed: bool = False
     link: str = ""
     """Name of the link on which the last heartbeat arrived."""
+    age_s: float | None = None
+    """Seconds since that heartbeat."""
 
 
 class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -154,6 +162,11 @@ class AgreementReport(msgspec.Struct, frozen=True, kw_only=True):
     turn_deg: float | None = None
     """Turn of the mount about the body's down axis with which the fixes agree, degrees; None: no such turn."""
     label: str = ""
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the fixes of a target that does not move contradict the claimed accuracy."""
+        return self.apart >= APART and self.apart_m >= APART_M
 
 
 class ReadoutReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -55,6 +55,10 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """Geoid height above the ellipsoid, metres: alt_ellipsoid - alt of GPS_RAW_INT."""
     utc_minus_host_s: float | None = None
     """UTC minus host clock, seconds, from SYSTEM_TIME, else from a synchronised wall clock; None without either."""
+    autopilot_age_s: float | None = None
+    """Seconds since the last heartbeat of the adopted autopilot; None before the first."""
+    frame_age_s: float | None = None
+    """Seconds since the newest frame of detections arrived; None before the first."""
     board: BoardReport | None = None
     """Latest report of the companion computer; None before the first."""
 
@@ -67,3 +71,9 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     def clock(self) -> ClockEstimate | None:
         """Estimate of the autopilot's clock now."""
         return self.clock_estimate()
+
+    def host_ns_of(self, state: VehicleState) -> HostNs:
+        """Instant of a vehicle's state on the host clock, never in the future."""
+        if self.clock is None:
+            return self.now_ns
+        return min(self.now_ns, HostNs(state.boot_ns + self.clock.host_from_autopilot_ns))

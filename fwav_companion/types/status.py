@@ -56,6 +56,8 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     autopilot: AutopilotReport | None = None
     autopilot_lost: bool = False
+    obstacle: str | None = None
+    """Why targets cannot be localized now, and what to do; "" where they can be; None without a camera."""
     adopted_s: float = inf
     """Seconds since the autopilot was adopted; inf before, which is null in JSON."""
     clock: ClockReport = ClockReport()

@@ -82,6 +82,22 @@ def test_the_footprint_is_the_border_of_the_image_on_the_ground():
     assert companion.pipeline.footprint(camera._last_view.host_ns + 5_000_000_000) == ()
 
 
+def test_state_has_the_ages_of_what_it_repeats(shared):
+    """The vehicle falls silent: what is sent 45 s later is 45 s older."""
+    *_, flown, tracks, situation = shared
+    maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")
+    _, before = maker.messages(tracks, situation, None)
+    assert before.position_age_s < 0.1
+    assert before.autopilot_age_s < 2.0
+    assert before.frame_age_s < 1.0
+    _, later, _ = flown.companion.pipeline.shared(situation.now_ns + 45 * 10**9)
+    later = msgspec.structs.replace(later, utc_minus_host_s=1000.0)
+    _, after = maker.messages(tracks, later, None)
+    for name in ("position_age_s", "autopilot_age_s", "frame_age_s"):
+        assert getattr(after, name) == pytest.approx(getattr(before, name) + 45.0, abs=0.02), name
+    assert (after.lat, after.lon) == (before.lat, before.lon)
+
+
 def test_without_utc_nothing_is_made(shared):
     *_, flown, tracks, situation = shared
     maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")

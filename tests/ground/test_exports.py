@@ -86,9 +86,13 @@ def test_cursor_on_target_has_one_sigma_and_what_is_lost_until_it_is_stale():
 
 
 def test_cursor_on_target_has_vehicles_and_heights_by_the_geoid():
-    heard = VehicleView(id="7", heard_unix=0.0, lat=48.1, lon=11.5, alt_amsl=500.0, heading_deg=90.0, speed_m_s=4.0)
-    silent = VehicleView(id="8", heard_unix=0.0, lat=48.1, lon=11.5, silent=True)
-    (event,) = cot_events([], 1_790_000_000 * 10**9, "unit", vehicles=[heard, silent], geoid=lambda _lat, _lon: 45.5)
+    utc_s, place = 1_790_000_000, {"position": 1_790_000_000.0 - 4.0}
+    heard = VehicleView(
+        id="7", heard_unix=0.0, heard=place, lat=48.1, lon=11.5, alt_amsl=500.0, heading_deg=90.0, speed_m_s=4.0
+    )
+    silent = VehicleView(id="8", heard_unix=utc_s, heard={"position": utc_s - 10.0}, lat=48.1, lon=11.5)
+    (event,) = cot_events([], utc_s * 10**9, "unit", vehicles=[heard, silent], geoid=lambda _lat, _lon: 45.5)
     root = ET.fromstring(event)
     assert (root.get("type"), root.find("point").get("hae")) == ("a-f-A-M", "545.50")
     assert root.find("detail/track").attrib == {"course": "90.0", "speed": "4.0"}
+    assert root.get("time") == "2026-09-21T14:13:16.000Z"  # that of its place

@@ -169,6 +169,17 @@ def test_vehicle_has_its_cameras_view_and_the_point_that_it_looks_at(world):
     assert (spi.point["lat"], spi.point["lon"]) == (pytest.approx(lat, abs=2e-7), pytest.approx(lon, abs=2e-7))
 
 
+def test_vehicle_that_is_not_heard_keeps_the_time_of_its_place_and_is_not_sent_once_stale(world):
+    markers, last = MapMarkers(WITH_VEHICLE, lambda _now: AIM), world.state()
+    sent = {}
+    for second in range(15):
+        made = events(markers, world, (), vehicle=last, now=world.NOW + second * world.S)
+        sent[second] = {(each.times["time"], each.times["stale"]) for each in made}
+    (times,) = sent[0]
+    assert all(each == {times} for second, each in sent.items() if second < 10)
+    assert all(each == set() for second, each in sent.items() if second >= 10)
+
+
 def test_view_above_the_horizon_has_the_longest_range_and_no_point(world):
     (vehicle,) = events(MapMarkers(WITH_VEHICLE, lambda _now: CameraAim((0.0, 1.0, 0.0), None, nan)), world, ())
     assert (vehicle.attribute("sensor", "azimuth"), vehicle.attribute("sensor", "range")) == ("90.0", "15000.0")

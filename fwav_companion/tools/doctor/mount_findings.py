@@ -13,11 +13,6 @@ from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 
-APART: Final = 0.4
-"""Share of fixes beyond the 95 % bound by [uncertainty] from which fixes disagree: it is at most 0.3 in the mock's
-healthy flights, and at least 0.45 with a mount turned by 90 deg."""
-APART_M: Final = 0.8
-"""Least median distance of fixes that disagree, metres: that of fixes that swing by a metre to each side."""
 RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
 """Step and tolerance of angles typed in radians: mostly a multiple of 15 deg, with four digits."""
 LONGEST_LEVER_M: Final = 5.0
@@ -133,7 +128,7 @@ def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     agreement, mount = status.seen.agreement, evidence.config.camera.mount
     turn_deg = agreement.turn_deg
     moving = evidence.config.tracking.motion == "moving"
-    if agreement.apart < APART or agreement.apart_m < APART_M or (moving and turn_deg is None):
+    if not agreement.disagrees or (moving and turn_deg is None):
         return
     thing = f'"{agreement.label}"' if agreement.label else "one target"
     problem = f"fixes of {thing} disagree by {agreement.apart_m:.1f} m (median): more than [uncertainty] allows"
