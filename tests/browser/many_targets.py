@@ -42,8 +42,9 @@ class Crowd:
                 place(number, 60.0 * cos(angle + k * pi / 4), 60.0 * sin(angle + k * pi / 4)) for k in range(8)
             )
             self._picture.on_vehicle(
-                str(number + 1), now, kind="copter", lat=lat, lon=lon, placed_unix=now, footprint=corners,
-                heading_deg=(angle * 180.0 / pi + 90.0) % 360.0, height_m=20.0, ready=True, readiness="ready",
+                str(number + 1), now, heard={"autopilot": now, "companion": now, "position": now, "attitude": now},
+                kind="copter", lat=lat, lon=lon, footprint=corners, heading_deg=(angle * 180.0 / pi + 90.0) % 360.0,
+                height_m=20.0, ready=True, readiness="ready",
             )  # fmt: skip
         for number in range(self._step % 3, TARGETS, 3):
             lat, lon = place(number, 0.3 * sin(self._step + number), 15.0 * cos(number))

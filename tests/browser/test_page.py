@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import pytest
 from picture_vehicles import HOME, PictureVehicle, place_of
@@ -65,7 +66,6 @@ def test_the_list_has_position_mgrs_accuracy_and_distance_from_the_point(page, v
     lat, lon = place_of(30.0, -12.0)
     assert f"{lat:.7f}"[:-1] in row
     assert f"{lon:.7f}"[:-1] in row
-    assert "32U PU" in row  # Munich's square
     assert "95 % within 2.50 m" in row
     assert "32 m at 338" in row
     page.browser.find_element("css selector", "#targets .row").click()
@@ -73,11 +73,166 @@ def test_the_list_has_position_mgrs_accuracy_and_distance_from_the_point(page, v
                                     "document.getElementById('details').innerText")  # fmt: skip
 
 
+def test_units_are_chosen_by_one_switch_that_a_reload_remembers(page, vehicle):
+    page.open()
+    row = "document.querySelector('#targets .row')?.innerText"
+    page.until(f"{row}?.includes(' m at ')", lambda: fly(vehicle))
+    switch = page.browser.find_element("id", "units")
+    seen = {}
+    for _ in range(4):
+        seen[switch.text] = page.ask(row)
+        switch.click()
+    lat = f"{place_of(30.0, -12.0)[0]:.7f}"[:-1]
+    for name, text in seen.items():
+        assert ("8.2 ft" in text, "2.50 m" in text) == (("ft" in name), "ft" not in name)  # 2.50 / 0.3048
+        assert ("32U PU" in text, lat in text) == (("MGRS" in name), "MGRS" not in name)  # Munich's square
+    assert len(seen) == 4
+    for _ in range(3):
+        switch.click()
+    assert switch.text == "ft · MGRS"
+    page.open()
+    page.until(f"{row}?.includes('32U PU') && {row}.includes('8.2 ft')", lambda: fly(vehicle))
+    assert page.browser.find_element("css selector", ".leaflet-control-scale").text.endswith("ft")
+    page.browser.execute_script("localStorage.setItem('units', '[\"broken\"]')")
+    page.open()
+    page.until(f"{row}?.includes('2.50 m')", lambda: fly(vehicle))
+
+
+def test_dead_autopilot_behind_a_live_companion_is_named_and_its_values_turn_grey(page, vehicle):
+    page.open()
+    page.browser.find_element("id", "tab-vehicles").click()
+    ready = "ready: attitude 100 Hz, camera 30/s"
+    well = "document.getElementById('well')"
+    page.until(f"page && {well}.dataset.level === 'good'", lambda: (fly(vehicle), vehicle.say(ready)))
+    values = "[...document.querySelectorAll('#vehicles .value')].map((each) => [each.innerText, each.className])"
+    assert not any("stale" in kind for _, kind in page.ask(values))
+    page.until("document.querySelector('#vehicles .stale')", vehicle.beat_companion)
+    warning = page.until("document.getElementById('warning').textContent", vehicle.beat_companion)
+    assert warning.startswith("1: autopilot silent since ")
+    page.until("document.querySelectorAll('#vehicles .stale').length >= 7", vehicle.beat_companion)
+    shown = dict(page.ask(values))
+    for words in (
+        "armed (",
+        "48.13",
+        "20.0 m above home (",
+        "heading 90° (",
+        "battery 15.8 V 72 % (",
+        "ready: attitude",
+    ):
+        (kind,) = [kind for text, kind in shown.items() if text.startswith(words)]
+        assert "stale" in kind, words
+    assert "stale" not in shown["companion: healthy"]
+    assert page.ask(f"[{well}.dataset.level, {well}.textContent.includes('autopilot silent since')]") == ["bad", True]
+    assert page.ask("document.querySelector('#vehicles .tag').textContent") == "silent"
+    label = page.ask("page.layers.vehicles.get('1').arrow.getTooltip().getContent()")
+    assert label.startswith("1 · ")
+    assert label.endswith(" s old")
+    assert page.ask("page.layers.vehicles.get('1').shape.getAttribute('fill') === "
+                    "getComputedStyle(document.documentElement).getPropertyValue('--old').trim()")  # fmt: skip
+    assert not any("heard again" in each for each in page.ask("page.picture.texts.map((each) => each.text)"))
+
+
+def test_contradicted_claim_is_said_at_a_glance_with_its_instant(page, vehicle):
+    page.open()
+    sure = "document.getElementById('sure')"
+    page.until(f"page && {sure}.textContent.includes('no contradiction known, since')", lambda: fly(vehicle))
+    assert page.ask(f"{sure}.textContent").startswith("target 4: 95 % within 2.50 m")
+    said = "camera mount: turned by 90 degrees"
+    page.until(f"{sure}.dataset.level === 'bad'", lambda: (fly(vehicle), vehicle.say(said)))
+    assert f": {said}" in page.ask(f"{sure}.textContent")
+    assert "contradicted since " in page.ask(f"{sure}.textContent")
+
+
+def test_vehicles_have_colours_of_their_own(page, vehicle):
+    others = [PictureVehicle(page.mavlink, system) for system in (2, 3)]
+    try:
+        page.open()
+        page.until("page && page.layers.vehicles.size === 3", lambda: [fly(each) for each in (vehicle, *others)])
+        paints = page.ask("[...page.layers.vehicles.values()].map((each) => each.shape.getAttribute('fill'))")
+        assert len(set(paints)) == 3
+        assert page.ask("[...page.layers.vehicles.values()].map((each) => each.path.options.color)") == paints
+    finally:
+        for each in others:
+            each.close()
+
+
+def test_export_is_saved_and_one_that_cannot_be_made_says_why(page, vehicle, tmp_path):
+    page.open()
+    page.until(MARKS, lambda: fly(vehicle))
+    browser = page.browser
+    browser.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    browser.find_element("css selector", ".menu summary").click()
+    browser.find_element("link text", "GeoJSON").click()
+    saved = tmp_path / "targets.geojson"
+    page.until("true", lambda: None)
+    for _ in range(200):
+        if saved.is_file():
+            break
+        fly(vehicle)
+        time.sleep(0.05)
+    assert any(each["properties"]["kind"] == "target" for each in json.loads(saved.read_text())["features"])
+    why = "UTC is unknown: synchronise this machine's clock (NTP)"  # the server's answer where it is so
+    browser.execute_script("window.fetch = async () => new Response(arguments[0], {status: 503});".replace(
+        "arguments[0]", json.dumps(why)))  # fmt: skip
+    browser.find_element("css selector", ".menu summary").click()
+    browser.find_element("link text", "Cursor on Target").click()
+    notice = "document.getElementById('notice')"
+    assert page.until(f"!{notice}.hidden && {notice}.textContent") == f"Cursor on Target cannot be made: {why}"
+    assert page.complaints() == []
+
+
+RATIOS = """
+const luminance = (rgb) => {
+  const [r, g, b] = rgb.map((each) => each / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const parts = (text) => text.match(/[\\d.]+/g).map(Number);
+const ground = (element) => {
+  for (let at = element; at; at = at.parentElement) {
+    const [r, g, b, alpha = 1] = parts(getComputedStyle(at).backgroundColor);
+    if (alpha > 0.99) return [r, g, b];
+  }
+  return [255, 255, 255];
+};
+const found = [];
+for (const each of document.querySelectorAll('body *')) {
+  const own = [...each.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
+  if (!own || !each.getClientRects().length) continue;
+  const a = luminance(parts(getComputedStyle(each).color).slice(0, 3)), b = luminance(ground(each));
+  found.push([(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), each.textContent.trim().slice(0, 40), each.className]);
+}
+return found;
+"""
+"""WCAG 2.2, 1.4.3: contrast of every text that is shown."""
+AA = 4.5
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_every_text_has_the_contrast_of_wcag_aa(page, vehicle, theme):
+    page.open()
+    page.browser.execute_script(f"document.documentElement.dataset.theme = '{theme}';")
+    said = ("found person 7: 48.1373, 11.5757, 95 % within 2.4 m", "not ready: no pictures: check")
+    page.until(f"{MARKS} && document.querySelector('#targets .row')",
+               lambda: (fly(vehicle), *map(vehicle.say, said)))  # fmt: skip
+    page.until("document.querySelector('#targets .row.old')", lambda: fly(vehicle))
+    measured = []
+    for tab in ("vehicles", "texts", "targets"):
+        page.browser.find_element("id", f"tab-{tab}").click()
+        measured += page.browser.execute_script(RATIOS)
+    page.browser.find_element("css selector", "#targets .row").click()
+    page.browser.find_element("css selector", ".menu summary").click()
+    page.until("!document.getElementById('warning').hidden")
+    measured += page.browser.execute_script(RATIOS)
+    texts = " ".join(text for _, text, _ in measured)
+    assert all(words in texts for words in ("was reported", "no pictures", "silent", "GeoJSON", "m · °"))
+    assert [each for each in measured if each[0] < AA] == []
+
+
 def test_a_silent_vehicle_and_a_lost_connection_are_reported_and_the_page_comes_back(page, vehicle):
     page.open()
     page.until(MARKS, lambda: fly(vehicle))
     warning = "document.getElementById('warning')"
-    page.until(f"!{warning}.hidden && {warning}.textContent.includes('Silent: 1')")
+    page.until(f"!{warning}.hidden && {warning}.textContent.includes('1: all silent since')")
     page.stop()
     page.until(f"{warning}.textContent.includes('No connection')")
     page.until("document.getElementById('state').dataset.state === 'lost'")
@@ -107,6 +262,14 @@ def test_markup_in_names_is_shown_as_text(page, vehicle):
     assert page.ask("document.querySelectorAll('#map .name img, #targets img').length") == 0
 
 
+BOXES = (
+    "[...document.querySelectorAll('button, summary, .leaflet-bar a')].filter((each) => each.offsetParent)"
+    ".map((each) => [each.innerText.slice(0, 20),"
+    " ...['width', 'height', 'top'].map((name) => each.getBoundingClientRect()[name])])"
+)
+"""[name, width, height, top] of everything that is pressed."""
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_a_phone_s_width_holds_everything_and_buttons_fit_a_finger(page, vehicle, theme):
     browser = page.browser
@@ -119,10 +282,14 @@ def test_a_phone_s_width_holds_everything_and_buttons_fit_a_finger(page, vehicle
         page.until(MARKS, lambda: fly(vehicle))
         assert page.ask("document.documentElement.dataset.theme") == theme
         assert page.ask("document.documentElement.scrollWidth") <= 390
-        heights = page.ask("[...document.querySelectorAll('button, summary')].filter((each) => each.offsetParent)"
-                           ".map((each) => each.getBoundingClientRect().height)")  # fmt: skip
-        assert heights
-        assert min(heights) >= 44.0
+        page.until("document.getElementById('count-vehicles').textContent === '1'", lambda: fly(vehicle))
+        boxes = page.ask(BOXES)
+        assert {name for name, *_ in boxes} >= {"Show all", "Export", "+", "Vehicles 1"}
+        assert [name for name, width, height, _ in boxes if min(width, height) < 44.0] == []
+        reach = 844 * 0.3  # a thumb's, from the bottom: the upper 30 % needs the other hand
+        assert [name for name, _, _, top in boxes if top < reach] == []
+        lowest = [name for name, _, _, top in boxes if top > 844 * 0.85]
+        assert {"Show all", "Set point", "Vehicles 1", "Export"} <= set(lowest)
         back = page.ask("getComputedStyle(document.body).backgroundColor")
         light = sum(json.loads("[" + back.partition("(")[2].rstrip(")") + "]")) > 3 * 128
         assert light == (theme == "light")

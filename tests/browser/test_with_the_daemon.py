@@ -32,7 +32,7 @@ def test_the_mock_s_target_is_at_its_place_and_the_daemon_may_start_again(page, 
                 east = (shown["lng"] - truth["lon"]) * M_A_DEGREE * cos(radians(truth["lat"]))
                 assert hypot(north, east) < 1.0
                 first.kill()
-            page.until(f"!{warning}.hidden && {warning}.textContent.includes('Silent: 1')")
+            page.until(f"!{warning}.hidden && {warning}.textContent.includes('companion silent since')")
             with site.service():
                 page.until(f"{warning}.hidden && {TARGETS}.length")
     finally:

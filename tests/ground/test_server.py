@@ -18,7 +18,7 @@ from processes import free_port
 pytest.importorskip("aiohttp")
 
 from fwav_companion.errors import InputFileError, UserError
-from fwav_companion.ground import connections
+from fwav_companion.ground import connections, ground_process
 from fwav_companion.ground import server as limits
 from fwav_companion.ground.access import COOKIE, AccessRules
 from fwav_companion.ground.ground_process import GroundOptions, GroundProcess
@@ -123,8 +123,17 @@ def test_history_and_exports(port):
         assert status == 200
         assert b"48.1" in body
         assert "attachment" in headers["Content-Disposition"]
-    assert get(port, "/export/cot")[0] in (200, 503)  # 503 where this machine's clock is not synchronised
     assert get(port, "/export/exe")[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("utc_ns", "status", "words"), [(None, 503, b"synchronise"), (1_790_000_000 * 10**9, 200, b"<event")]
+)
+def test_cursor_on_target_without_utc_is_503_with_the_reason(picture, monkeypatch, utc_ns, status, words):
+    monkeypatch.setattr(ground_process, "utc_ns", lambda: utc_ns)
+    with served(picture) as port:
+        found, _, body = get(port, "/export/cot")
+    assert (found, words in body) == (status, True)
 
 
 @pytest.mark.parametrize(

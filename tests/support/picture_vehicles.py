@@ -40,6 +40,10 @@ class PictureVehicle:
         self.send(191, dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
         self.send(100, dialect.MAVLink_heartbeat_message(30, 8, 0, 0, 4, 3))
 
+    def beat_companion(self) -> None:
+        """Heartbeat of the companion alone: the autopilot has died."""
+        self.send(191, dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+
     def fly(self, north: float, east: float, *, height: float = 20.0, heading_deg: float = 45.0) -> None:
         """Position and attitude."""
         lat, lon = place_of(north, east)

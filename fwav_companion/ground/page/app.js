@@ -1,9 +1,13 @@
 // Joins the parts: the connection fills the picture; map, lists and details show it.
 import { Connection } from "./connection.js";
 import { Details } from "./details.js";
+import { watchExports } from "./exports.js";
+import { duration } from "./format.js";
+import { chosenTarget, fleetGlance, silenceText, targetGlance } from "./health.js";
 import { RowList, targetEntries, textEntries, vehicleEntries } from "./list.js";
 import { PictureMap } from "./map.js";
 import { Picture } from "./picture.js";
+import { chooseUnits, nextUnits, units } from "./units.js";
 
 const LIST_MS = 500;
 const HISTORY_MS = 2000;
@@ -15,6 +19,7 @@ let point = stored("point");
 let selected = null;
 let setsPoint = false;
 let scheduled = false;
+let lostSeconds = null;
 
 setTheme(stored("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 const map = new PictureMap(element("map"), { onTarget: select, onClick: clicked });
@@ -25,6 +30,8 @@ const lists = {
   texts: new RowList(element("texts"), () => {}),
 };
 if (point) map.setPoint(point);
+showUnits(chooseUnits(stored("units")));
+watchExports(document.querySelector(".menu"), element("notice"));
 
 const connection = new Connection({
   onPaths: (paths) => { picture.takePaths(paths); schedule(); },
@@ -48,6 +55,11 @@ element("theme").addEventListener("click", () => {
   store("theme", document.documentElement.dataset.theme);
   map.restyle(picture);
 });
+element("units").addEventListener("click", () => {
+  store("units", showUnits(nextUnits()));
+  showLists();
+  readHistory();
+});
 for (const tab of TABS) element(`tab-${tab}`).addEventListener("click", () => showTab(tab));
 
 // One drawing a frame, however many updates come.
@@ -68,12 +80,16 @@ function adoptPoint() {
 }
 
 function showLists() {
-  if (!element("targets").hidden) lists.targets.show(targetEntries(picture, point, selected));
-  if (!element("vehicles").hidden) lists.vehicles.show(vehicleEntries(picture));
-  if (!element("texts").hidden) lists.texts.show(textEntries(picture));
+  const now = picture.now();
+  if (!element("targets").hidden) lists.targets.show(targetEntries(picture, point, selected), now);
+  if (!element("vehicles").hidden) lists.vehicles.show(vehicleEntries(picture), now);
+  if (!element("texts").hidden) lists.texts.show(textEntries(picture), now);
+  glance("well", fleetGlance([...picture.vehicles.values()], now));
+  glance("sure", targetGlance(chosenTarget(picture, selected), picture.vehicles, now));
+  showWarning(now);
   element("count-targets").textContent = picture.targets.size;
   element("count-vehicles").textContent = picture.vehicles.size;
-  details.show(picture.targets.get(selected), point, picture.now());
+  details.show(picture.targets.get(selected), point, picture);
   map.restyle(picture);
   element("sources").replaceChildren(...picture.sources.map((source) => {
     const item = document.createElement("li");
@@ -86,12 +102,28 @@ function showLists() {
 function showState(state, seconds) {
   element("state").dataset.state = state;
   element("state").textContent = state === "live" ? "live" : "no connection";
-  const silent = [...picture.vehicles.values()].filter((vehicle) => vehicle.silent).map((vehicle) => vehicle.id);
-  const lost = `No connection to the ground program for ${Math.round(seconds)} s. Everything shown is old.`;
-  const vehicles = `Silent: ${silent.join(", ")}. What these vehicles reported is old.`;
-  const text = state === "lost" ? lost : silent.length ? vehicles : "";
+  lostSeconds = state === "lost" ? seconds : null;
+  if (state === "lost") showWarning(picture.now());
+}
+
+// The bar: what is silent, and since when.
+function showWarning(now) {
+  const silent = silenceText([...picture.vehicles.values()], now);
+  const text = lostSeconds === null ? silent
+    : `No connection to the ground program for ${duration(lostSeconds)}. Everything shown is old.`;
   element("warning").hidden = !text;
   if (element("warning").textContent !== text) element("warning").textContent = text;
+}
+
+function glance(id, { level, text }) {
+  if (element(id).dataset.level !== level) element(id).dataset.level = level;
+  if (element(id).textContent !== text) element(id).textContent = text;
+}
+
+function showUnits(index) {
+  element("units").textContent = units().name;
+  map.setFeet(units().feet);
+  return index;
 }
 
 function select(id) {

@@ -1,6 +1,8 @@
 // The selected target: position in every form, accuracy, history, copy.
-import { age, clock, latLon, metres, mgrs, name } from "./format.js";
+import { age, clock, name } from "./format.js";
+import { contradiction } from "./health.js";
 import { accuracy, fromPoint, seenBy } from "./list.js";
+import { height, length, place } from "./units.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 400;
@@ -29,15 +31,18 @@ export class Details {
     this.element.append(heading, this.facts, this.copy, this.plot);
   }
 
-  show(target, point, now) {
+  show(target, point, picture) {
     this.element.hidden = !target;
     if (!target) return;
+    const now = picture.now();
+    const claim = contradiction(target, picture.vehicles);
     this.target = target;
     this.title.textContent = `${name(target)} (${target.state})`;
     const facts = [
-      ["lat, lon", latLon(target.lat, target.lon)], ["MGRS", mgrs(target.lat, target.lon)],
-      ["altitude", target.alt_amsl === null ? "unknown" : `${target.alt_amsl.toFixed(1)} m above sea level`],
-      ["accuracy", this.accuracyOf(target)], ["from point", fromPoint(target, point) || "no point set"],
+      ["place", place(target.lat, target.lon)],
+      ["altitude", target.alt_amsl === null ? "unknown" : `${height(target.alt_amsl)} above sea level`],
+      ["accuracy", this.accuracyOf(target)],
+      ["claim", claim ? `contradicted since ${clock(claim.unix)}: ${claim.text}` : "no contradiction known"], ["from point", fromPoint(target, point) || "no point set"],
       ["seen", `${age(Math.max(0, now - target.seen_unix))}, since ${clock(target.first_unix)}`],
       ["by", `${seenBy(target)} (${target.source})`],
     ];
@@ -48,7 +53,7 @@ export class Details {
   accuracyOf(target) {
     const ellipse = target.ellipse;
     if (!ellipse || ellipse.major_m === ellipse.minor_m) return accuracy(target);
-    const axes = `${metres(ellipse.major_m)} x ${metres(ellipse.minor_m)}`;
+    const axes = `${length(ellipse.major_m)} x ${length(ellipse.minor_m)}`;
     return `${accuracy(target)}; ellipse ${axes}, long axis at ${ellipse.bearing_deg.toFixed(0)}°`;
   }
 
@@ -67,11 +72,11 @@ export class Details {
     line.setAttribute("fill", "none");
     line.setAttribute("stroke", "currentColor");
     line.setAttribute("stroke-width", "2");
-    this.plot.append(line, label(0, 11, `95 % radius, at most ${metres(most)}`), label(0, HEIGHT - 2, clock(first)));
+    this.plot.append(line, label(0, 11, `95 % radius, at most ${length(most)}`), label(0, HEIGHT - 2, clock(first)));
   }
 
   async copyPosition() {
-    const content = latLon(this.target.lat, this.target.lon);
+    const content = place(this.target.lat, this.target.lon);
     const copied = await copyText(content);
     this.copy.textContent = copied ? `Copied ${content}` : `Select and copy: ${content}`;
     setTimeout(() => { this.copy.textContent = "Copy position"; }, 2500);

@@ -2,10 +2,14 @@
 import { forward } from "./vendor/mgrs.js";
 
 export function age(seconds) {
-  if (seconds < 1.5) return "now";
-  if (seconds < 90) return `${Math.round(seconds)} s ago`;
-  if (seconds < 5400) return `${Math.round(seconds / 60)} min ago`;
-  return `${Math.round(seconds / 3600)} h ago`;
+  return seconds < 1.5 ? "now" : `${duration(seconds)} ago`;
+}
+
+// Of a silence: how long, without the word ago.
+export function duration(seconds) {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
+  return `${Math.round(seconds / 3600)} h`;
 }
 
 export function clock(unix) {
@@ -21,11 +25,6 @@ export function mgrs(lat, lon) {
   if (lat < -80 || lat > 84) return "";
   const text = forward([lon, lat], 5);
   return text.replace(/^(\d+[A-Z])([A-Z]{2})(\d{5})(\d{5})$/, "$1 $2 $3 $4");
-}
-
-export function metres(value) {
-  if (value === null || value === undefined) return "unknown";
-  return value < 9.95 ? `${value.toFixed(2)} m` : `${value.toFixed(0)} m`;
 }
 
 export function bearing(north, east) {

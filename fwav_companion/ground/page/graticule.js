@@ -7,6 +7,13 @@ const L = window.L;
 export const Graticule = L.Layer.extend({
   initialize(origin) {
     this.origin = origin;
+    this.feet = false;
+  },
+
+  // Lines at whole feet instead of whole metres.
+  setFeet(feet) {
+    this.feet = feet;
+    if (this._map) this.draw();
   },
 
   onAdd(map) {
@@ -48,19 +55,20 @@ export const Graticule = L.Layer.extend({
     const scale = metresPerDegree(this.origin[0]);
     const bounds = map.getBounds();
     const across = (bounds.getEast() - bounds.getWest()) * scale.east;
-    const step = niceStep(across * SPACING_PX / size.x);
+    const unit = this.feet ? 0.3048 : 1;
+    const step = niceStep(across * SPACING_PX / size.x / unit) * unit;
     const east = [(bounds.getWest() - this.origin[1]) * scale.east, (bounds.getEast() - this.origin[1]) * scale.east];
     const north = [(bounds.getSouth() - this.origin[0]) * scale.north,
       (bounds.getNorth() - this.origin[0]) * scale.north];
     for (let at = Math.ceil(east[0] / step) * step; at <= east[1]; at += step) {
       const x = map.latLngToContainerPoint([this.origin[0], this.origin[1] + at / scale.east]).x;
       line(pen, [x, 0], [x, size.y], Math.abs(at) < step / 2);
-      pen.fillText(label(at, "E", "W"), x + 4, size.y - 22);
+      pen.fillText(label(at / unit, this.feet, "E", "W"), x + 4, size.y - 22);
     }
     for (let at = Math.ceil(north[0] / step) * step; at <= north[1]; at += step) {
       const y = map.latLngToContainerPoint([this.origin[0] + at / scale.north, this.origin[1]]).y;
       line(pen, [0, y], [size.x, y], Math.abs(at) < step / 2);
-      pen.fillText(label(at, "N", "S"), 56, y - 4);
+      pen.fillText(label(at / unit, this.feet, "N", "S"), 56, y - 4);
     }
   },
 });
@@ -75,11 +83,11 @@ function line(pen, from, to, isAxis) {
   pen.globalAlpha = 1;
 }
 
-function label(metres, positive, negative) {
-  if (Math.abs(metres) < 1e-6) return "0";
-  const size = Math.abs(metres);
-  const text = size >= 1000 ? `${+(size / 1000).toFixed(3)} km` : `${+size.toFixed(2)} m`;
-  return `${text} ${metres > 0 ? positive : negative}`;
+function label(value, feet, positive, negative) {
+  if (Math.abs(value) < 1e-6) return "0";
+  const size = Math.abs(value);
+  const whole = feet ? `${+size.toFixed(2)} ft` : size >= 1000 ? `${+(size / 1000).toFixed(3)} km` : `${+size.toFixed(2)} m`;
+  return `${whole} ${value > 0 ? positive : negative}`;
 }
 
 // The next of 1, 2, 5 times a power of ten.

@@ -1,8 +1,9 @@
 // The lists: targets, vehicles and texts. Rows are kept and only their texts change, so that a tap finds its row.
 import { offset } from "./ellipse.js";
-import { age, bearing, clock, latLon, metres, mgrs, name } from "./format.js";
+import { age, bearing, clock, name } from "./format.js";
+import { contradiction, isGone, isOld, OLD_S, vehicleHealth } from "./health.js";
+import { height, length, place, speed } from "./units.js";
 
-const OLD_S = 10;
 const SEVERE = 4;
 
 export class RowList {
@@ -13,16 +14,16 @@ export class RowList {
     this.onRow = onRow;
   }
 
-  // Entries: {id, title, tag, tagClass, age, lines, old, current}
-  show(entries) {
+  // Entries: {id, title, tag, level, age, lines, old, current, colour}; a line is a list of values {text, unix}.
+  show(entries, now) {
     const wanted = new Set(entries.map((entry) => entry.id));
     for (const [id, row] of this.rows) if (!wanted.has(id)) { row.button.remove(); this.rows.delete(id); }
-    let place = this.empty.nextElementSibling;
+    let next = this.empty.nextElementSibling;
     for (const entry of entries) {
       const row = this.rows.get(entry.id) ?? this.addRow(entry.id);
-      this.fill(row, entry);
-      if (row.button === place) place = place.nextElementSibling;
-      else this.element.insertBefore(row.button, place);
+      this.fill(row, entry, now);
+      if (row.button === next) next = next.nextElementSibling;
+      else this.element.insertBefore(row.button, next);
     }
     this.empty.hidden = entries.length > 0;
   }
@@ -31,18 +32,21 @@ export class RowList {
     const button = create("button", "row");
     button.type = "button";
     const head = create("span", "head");
-    const row = { button, title: create("span"), tag: create("span"), age: create("span", "age"), lines: [] };
-    head.append(row.title, row.tag, row.age);
+    const row = { button, swatch: create("span"), title: create("span"), tag: create("span"),
+      age: create("span", "age"), lines: [] };
+    head.append(row.swatch, row.title, row.tag, row.age);
     button.append(head);
     button.addEventListener("click", () => this.onRow(id));
     this.rows.set(id, row);
     return row;
   }
 
-  fill(row, entry) {
+  fill(row, entry, now) {
+    row.swatch.className = `swatch v${entry.colour}`;
+    row.swatch.hidden = entry.colour === undefined;
     setText(row.title, entry.title);
     setText(row.tag, entry.tag);
-    row.tag.className = `tag ${entry.tagClass}`;
+    row.tag.className = `tag ${entry.level}`;
     setText(row.age, entry.age);
     row.button.classList.toggle("old", entry.old);
     row.button.setAttribute("aria-current", String(entry.current));
@@ -51,11 +55,23 @@ export class RowList {
       row.button.append(line);
       row.lines.push(line);
     }
-    row.lines.forEach((line, index) => {
-      setText(line, entry.lines[index] ?? "");
-      line.hidden = !entry.lines[index];
-    });
+    row.lines.forEach((line, index) => fillLine(line, (entry.lines[index] ?? []).filter((value) => value.text), now));
   }
+}
+
+// A value that is older than OLD_S is grey and has its age.
+function fillLine(line, values, now) {
+  while (line.children.length > values.length) line.lastElementChild.remove();
+  while (line.children.length < values.length) line.append(create("span"));
+  values.forEach((value, index) => {
+    const shown = line.children[index];
+    const old = value.unix !== undefined && isOld(value.unix, now);
+    shown.className = `value${old ? " stale" : ""}${value.level ? ` ${value.level}` : ""}`;
+    setText(shown, old && value.unix !== null ? `${value.text} (${age(now - value.unix)})` : value.text);
+    const when = value.unix ? clock(value.unix) : "";
+    if (shown.title !== when) shown.title = when;
+  });
+  line.hidden = !values.length;
 }
 
 export function targetEntries(picture, point, selected) {
@@ -63,16 +79,18 @@ export function targetEntries(picture, point, selected) {
   return [...picture.targets.values()]
     .sort((a, b) => a.first_unix - b.first_unix || a.id.localeCompare(b.id))
     .map((target) => {
-      const seen = Math.max(0, now - target.seen_unix);
-      const ended = target.state === "lost" || target.state === "dropped";
+      const gone = isGone(target, now);
+      const unix = target.seen_unix;
+      const claim = contradiction(target, picture.vehicles);
       return {
-        id: target.id, title: name(target), tag: target.state, tagClass: seen > OLD_S ? "old" : target.state,
-        age: age(seen), old: ended || seen > OLD_S, current: target.id === selected,
+        id: target.id, title: name(target), tag: isOld(unix, now) ? `was ${target.state}` : target.state,
+        level: gone ? "old" : target.state, age: age(Math.max(0, now - unix)), old: gone,
+        current: target.id === selected,
         lines: [
-          latLon(target.lat, target.lon),
-          mgrs(target.lat, target.lon),
-          [accuracy(target), fromPoint(target, point), `since ${clock(target.first_unix)}`, seenBy(target)]
-            .filter(Boolean).join(" · "),
+          [{ text: accuracy(target), level: "claim" }, { text: fromPoint(target, point) }],
+          claim ? [{ text: `contradicted since ${clock(claim.unix)}: ${claim.text}`, level: "bad" }] : [],
+          [{ text: place(target.lat, target.lon) }],
+          [{ text: `since ${clock(target.first_unix)}` }, { text: seenBy(target) }],
         ],
       };
     });
@@ -80,13 +98,13 @@ export function targetEntries(picture, point, selected) {
 
 export function accuracy(target) {
   if (target.radius95_m === null) return "accuracy unknown";
-  return `95 % within ${target.bound ? "at most " : ""}${metres(target.radius95_m)}`;
+  return `95 % within ${target.bound ? "at most " : ""}${length(target.radius95_m)}`;
 }
 
 export function fromPoint(target, point) {
   if (!point) return "";
   const { north, east } = offset(point, [target.lat, target.lon]);
-  return `${metres(Math.hypot(north, east))} at ${bearing(north, east)} from point`;
+  return `${length(Math.hypot(north, east))} at ${bearing(north, east)} from point`;
 }
 
 export function seenBy(target) {
@@ -98,46 +116,53 @@ export function vehicleEntries(picture) {
   const now = picture.now();
   return [...picture.vehicles.values()].sort((a, b) => a.id.localeCompare(b.id, undefined, { numeric: true }))
     .map((vehicle) => {
-      const placed = vehicle.placed_unix === null ? null : Math.max(0, now - vehicle.placed_unix);
+      const health = vehicleHealth(vehicle, now);
+      const { autopilot, companion, position, attitude, battery, gps } = vehicle.heard;
       return {
-        id: vehicle.id, title: `vehicle ${vehicle.id}`,
-        tag: vehicle.silent ? "silent" : vehicle.armed === null ? "" : vehicle.armed ? "armed" : "disarmed",
-        tagClass: vehicle.silent ? "old" : "", age: age(Math.max(0, now - vehicle.heard_unix)), old: vehicle.silent,
-        current: false,
+        id: vehicle.id, title: `vehicle ${vehicle.id}`, tag: health.word, level: health.level,
+        age: age(Math.max(0, now - vehicle.heard_unix)), old: isOld(vehicle.heard_unix, now), current: false,
+        colour: vehicle.number % 8,
         lines: [
-          [vehicle.kind, vehicle.gps, battery(vehicle)].filter(Boolean).join(" · "),
-          vehicle.lat === null ? "no position yet" : `${latLon(vehicle.lat, vehicle.lon)}${old(placed)}`,
-          flight(vehicle),
-          vehicle.companion ? `companion: ${vehicle.companion}` : "companion: not heard",
-          vehicle.readiness ?? "",
-          ...vehicle.checks,
+          [{ text: health.text, level: health.level === "good" ? "" : health.level }],
+          [{ text: vehicle.kind }, { text: armed(vehicle), unix: autopilot ?? companion ?? null },
+            { text: vehicle.gps, unix: gps }, { text: batteryText(vehicle), unix: battery }],
+          [vehicle.lat === null ? { text: "no position yet" }
+            : { text: place(vehicle.lat, vehicle.lon), unix: position ?? vehicle.heard_unix }],
+          [{ text: vehicle.height_m === null ? "" : `${height(vehicle.height_m)} above home`, unix: position },
+            { text: vehicle.speed_m_s === null ? "" : speed(vehicle.speed_m_s), unix: position },
+            { text: vehicle.heading_deg === null ? "" : `heading ${vehicle.heading_deg.toFixed(0)}°`, unix: attitude ?? position }],
+          [companion === undefined ? { text: "companion: not heard" }
+            : { text: `companion: ${vehicle.companion ?? "heard"}`, unix: companion }],
+          [{ text: vehicle.readiness, unix: readinessUnix(vehicle) }],
+          ...vehicle.checks.map((check) => [{ text: check, unix: companion }]),
         ],
       };
     });
 }
 
+// A report of readiness holds as long as the parts that it is about are heard; after a silence it is what was said once.
+function readinessUnix(vehicle) {
+  if (vehicle.ready === null) return Math.min(vehicle.heard.readiness ?? 0, (vehicle.ready_unix ?? 0) - OLD_S);
+  const parts = ["autopilot", "companion"].map((part) => vehicle.heard[part]).filter((unix) => unix !== undefined);
+  return parts.length ? Math.min(...parts) : vehicle.heard.readiness;
+}
+
 export function textEntries(picture) {
   return [...picture.texts].reverse().map((text) => ({
-    id: String(text.revision), title: text.text, tag: "", tagClass: "", age: clock(text.time_unix), old: false,
-    current: false, lines: [`vehicle ${text.vehicle}${text.severity <= SEVERE ? " · warning" : ""}`],
+    id: String(text.revision), title: text.text, tag: "", level: "", age: clock(text.time_unix), old: false,
+    current: false, colour: picture.vehicles.has(text.vehicle) ? picture.vehicles.get(text.vehicle).number % 8 : undefined,
+    lines: [[{ text: `vehicle ${text.vehicle}` }, { text: text.severity <= SEVERE ? "warning" : "", level: "bad" }]],
   }));
 }
 
-function battery(vehicle) {
+function armed(vehicle) {
+  if (vehicle.armed === null) return "";
+  return vehicle.armed ? "armed" : "disarmed";
+}
+
+function batteryText(vehicle) {
   const percent = vehicle.battery_percent === null ? "" : ` ${vehicle.battery_percent} %`;
   return vehicle.battery_v === null ? percent.trim() : `battery ${vehicle.battery_v.toFixed(1)} V${percent}`;
-}
-
-function flight(vehicle) {
-  const parts = [];
-  if (vehicle.height_m !== null) parts.push(`${vehicle.height_m.toFixed(1)} m above home`);
-  if (vehicle.speed_m_s !== null) parts.push(`${vehicle.speed_m_s.toFixed(1)} m/s`);
-  if (vehicle.heading_deg !== null) parts.push(`heading ${vehicle.heading_deg.toFixed(0)}°`);
-  return parts.join(" · ");
-}
-
-function old(seconds) {
-  return seconds !== null && seconds > OLD_S ? ` (${age(seconds)})` : "";
 }
 
 function create(tag, className = "") {

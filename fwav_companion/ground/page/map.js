@@ -1,7 +1,8 @@
 // The map: vehicles with heading, path and footprint; targets with their 95 % ellipses.
 import { corners } from "./ellipse.js";
-import { name } from "./format.js";
+import { duration, name } from "./format.js";
 import { Graticule } from "./graticule.js";
+import { isGone, isOld } from "./health.js";
 
 const L = window.L;
 const START = [0, 0];
@@ -10,14 +11,13 @@ const MAX_ZOOM = 24;
 const FINGER_PX = 12;
 const MAX_NAMES = 60;
 const MAX_TRAIL = 150;
-const OLD_S = 10;
 const ARROW = "M0,-13 L9,10 L0,5 L-9,10 Z";
 const SVG = "http://www.w3.org/2000/svg";
 
 export class PictureMap {
   constructor(element, { onTarget, onClick }) {
     this.map = L.map(element, {
-      center: START, zoom: 2, maxZoom: MAX_ZOOM, zoomSnap: 0.5, worldCopyJump: true,
+      center: START, zoom: 2, maxZoom: MAX_ZOOM, zoomSnap: 0.5, worldCopyJump: true, zoomControl: false,
       renderer: L.canvas({ tolerance: FINGER_PX, padding: 0.3 }),
     });
     this.map.attributionControl.setPrefix("Leaflet");
@@ -25,7 +25,7 @@ export class PictureMap {
     const vehicles = this.map.createPane("vehicles");  // above the names of targets and of the point (Leaflet's 650)
     vehicles.style.zIndex = 660;
     vehicles.style.pointerEvents = "none";
-    L.control.scale({ imperial: false, maxWidth: 160 }).addTo(this.map);
+    L.control.zoom({ position: "bottomright" }).addTo(this.map);  // where a thumb reaches it
     this.graticule = new Graticule(START).addTo(this.map);
     this.onTarget = onTarget;
     this.map.on("click", (event) => onClick([event.latlng.lat, event.latlng.lng]));
@@ -47,6 +47,12 @@ export class PictureMap {
     L.tileLayer("tiles/{z}/{x}/{y}", options).addTo(this.map);
   }
 
+  setFeet(feet) {
+    this.scale?.remove();
+    this.scale = L.control.scale({ metric: !feet, imperial: feet, maxWidth: 160 }).addTo(this.map);
+    this.graticule.setFeet(feet);
+  }
+
   setPoint(place) {
     this.graticule.setOrigin(place);
     this.pointMark ??= L.circleMarker(place, { radius: 7, weight: 3, fillOpacity: 0, interactive: false })
@@ -64,13 +70,11 @@ export class PictureMap {
 
   // Recolour everything: a target becomes old without an event, and the theme may change.
   restyle(picture) {
-    for (const target of picture.targets.values()) this.styleTarget(target, picture.now());
+    const now = picture.now();
+    for (const target of picture.targets.values()) this.styleTarget(target, now);
+    for (const vehicle of picture.vehicles.values()) this.styleVehicle(vehicle, now);
     if (this.theme === colour("--vehicle")) return;
     this.theme = colour("--vehicle");
-    for (const marks of this.vehicles.values()) {
-      marks.path.setStyle({ color: colour("--vehicle") });
-      marks.footprint.setStyle({ color: colour("--footprint") });
-    }
     this.history.setStyle({ color: colour("--target") });
     this.pointMark?.setStyle({ color: colour("--text") });
     this.graticule.draw();
@@ -113,7 +117,7 @@ export class PictureMap {
   styleTarget(target, now) {
     const marks = this.targets.get(target.id);
     if (!marks) return;
-    const gone = target.state === "lost" || target.state === "dropped" || now - target.seen_unix > OLD_S;
+    const gone = isGone(target, now);
     const unsure = ["coasting", "tentative", "reported"].includes(target.state);
     const style = `${gone ? "--old" : unsure ? "--coasting" : "--target"}`;
     if (marks.style === style + colour(style)) return;
@@ -149,17 +153,34 @@ export class PictureMap {
         footprint: L.polygon([], { weight: 1, fillOpacity: 0.08, interactive: false }).addTo(this.map),
         path: L.polyline([], { weight: 2, opacity: 0.7, interactive: false }).addTo(this.map),
         arrow: L.marker(place, { icon, interactive: false, pane: "vehicles" }).addTo(this.map)
-          .bindTooltip(text(id), { permanent: true, direction: "bottom", offset: [0, 10], className: "name" }),
+          .bindTooltip(text(id), { permanent: true, direction: "bottom", offset: [0, 10], className: "name", pane: "vehicles" }),
       };
       this.vehicles.set(id, marks);
-      marks.path.setStyle({ color: colour("--vehicle") });
-      marks.footprint.setStyle({ color: colour("--footprint") });
     }
     marks.arrow.setLatLng(place);
     marks.shape.setAttribute("transform", `rotate(${vehicle.heading_deg ?? 0})`);
-    marks.arrow.getElement()?.classList.toggle("silent", vehicle.silent);
+    this.styleVehicle(vehicle, picture.now());
     marks.path.setLatLngs((picture.paths.get(id) ?? []).slice(-MAX_TRAIL));
     marks.footprint.setLatLngs(vehicle.footprint);
+  }
+
+  // Its own colour; grey with its age where the place is old: it may be elsewhere.
+  styleVehicle(vehicle, now) {
+    const marks = this.vehicles.get(vehicle.id);
+    if (!marks) return;
+    const placed = vehicle.heard.position ?? vehicle.heard_unix;
+    const old = isOld(placed, now);
+    const label = old ? `${vehicle.id} · ${duration(now - placed)} old` : vehicle.id;
+    if (marks.label !== label) {
+      marks.label = label;
+      marks.arrow.setTooltipContent(text(label));
+    }
+    const paint = colour(old ? "--old" : `--v${vehicle.number % 8}`);
+    if (marks.paint === paint) return;
+    marks.paint = paint;
+    marks.shape.setAttribute("fill", paint);
+    marks.path.setStyle({ color: paint });
+    marks.footprint.setStyle({ color: paint, opacity: old ? 0 : 1, fillOpacity: old ? 0 : 0.08 });
   }
 
   // Names only while they can be read.
@@ -191,7 +212,6 @@ function arrow() {
   svg.setAttribute("height", "32");
   const shape = document.createElementNS(SVG, "path");
   shape.setAttribute("d", ARROW);
-  shape.setAttribute("fill", "currentColor");
   shape.setAttribute("stroke", "white");
   shape.setAttribute("stroke-width", "1.5");
   svg.append(shape);
