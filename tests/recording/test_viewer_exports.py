@@ -3,6 +3,7 @@
 import base64
 import inspect
 import io
+import itertools
 import json
 import re
 import shutil
@@ -13,17 +14,19 @@ from pathlib import Path
 
 import foxglove.messages
 import jsonschema
+import msgspec
 import numpy as np
 import pytest
 from fastkml import kml
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from fwav_companion.cli.main import main
-from fwav_companion.recording.exports.mcap_file import write_mcap
-from fwav_companion.recording.exports.viewer_messages import ViewerMessages
-from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
+from fwav_companion.recording.exports.mcap_file import CHUNK_BYTES, HEIGHTS, write_mcap
+from fwav_companion.recording.exports.viewer_messages import ViewerMessages, image
+from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS, schema_text
 
 LAYOUT = Path(__file__).parents[2] / "docs/examples/layout.json"
 T0 = 1_790_000_000.0
@@ -118,6 +121,32 @@ def test_mcap_has_every_line_picture_and_detection_in_order_of_time(folder, caps
     assert [each["message"] for each in of(messages, "/log")] == [
         "camera mount: turned by 90 degrees", "track 2 dropped: not_seen",
     ]  # fmt: skip
+
+
+def test_mcap_is_byte_for_byte_what_the_library_writes():
+    """Many chunks, all kinds of records, messages in and out of the order of time."""
+    viewer = ViewerMessages()
+    lines = [*LINES, *(target(n / 10 if n % 7 else 1000.0, track=n % 3) for n in range(3000))]
+    messages = [message for line in lines for message in viewer.of_line(line)]
+    ours, theirs = io.BytesIO(), io.BytesIO()
+    write_mcap(ours, messages)
+    writer = Writer(theirs, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
+    writer.start(profile="", library="fwav-companion")
+    names = sorted({*TOPICS.values()})
+    schemas = {name: writer.register_schema(name, "jsonschema", schema_text(name)) for name in names}
+    channels = {topic: writer.register_channel(topic, "json", schemas[name]) for topic, name in TOPICS.items()}
+    writer.add_metadata("fwav-companion", HEIGHTS)
+    for count, (topic, at_ns, content) in enumerate(messages, 1):
+        writer.add_message(channels[topic], at_ns, msgspec.json.encode(content), at_ns, count)
+    writer.finish()
+    assert len(theirs.getvalue()) > 4 * CHUNK_BYTES
+    assert ours.getvalue() == theirs.getvalue()
+
+
+def test_mcap_without_a_message_can_be_read():
+    out = io.BytesIO()
+    assert write_mcap(out, []) == 0
+    assert make_reader(io.BytesIO(out.getvalue())).get_summary().statistics.message_count == 0
 
 
 def test_mcap_places_are_enu_with_their_covariance(folder, capsys):
@@ -231,11 +260,15 @@ def test_pictures_after_the_last_line_are_in_the_file(folder, capsys):
     assert times == sorted(times)
 
 
-def test_memory_of_mcap_does_not_grow_with_the_flight(tmp_path):
+@pytest.mark.parametrize("picture_bytes", [0, 40_000])
+def test_memory_of_mcap_does_not_grow_with_the_flight(tmp_path, picture_bytes):
     def peak(count):
         viewer = ViewerMessages()
         lines = [LINES[0], *(target(n / 10) for n in range(6))]
         messages = (message for n in range(count) for message in viewer.of_line(lines[n % len(lines)]))
+        if picture_bytes:
+            pictures = (image(n * 10**9, bytes(picture_bytes), "jpeg") for n in range(count // 10))
+            messages = itertools.chain(messages, pictures)
         with (tmp_path / "a.mcap").open("wb") as file:
             tracemalloc.start()
             write_mcap(file, messages)

@@ -19,17 +19,14 @@ HEIGHTS: Final = {"altitude": "metres above mean sea level", "map": "ENU about t
 
 def write_mcap(file: BinaryIO, messages: Iterable[Message]) -> int:
     """Write the messages in order, as they come; returns their number. Memory is that of one chunk and its indices."""
-    from mcap.writer import CompressionType, Writer
+    from fwav_companion.recording.exports.mcap_chunks import ChunkedFile
 
-    writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
-    writer.start(profile="", library="fwav-companion")
-    schemas = {
-        name: writer.register_schema(name, "jsonschema", schema_text(name)) for name in sorted({*TOPICS.values()})
-    }
-    channels = {topic: writer.register_channel(topic, "json", schemas[name]) for topic, name in TOPICS.items()}
+    writer = ChunkedFile(file, CHUNK_BYTES, "fwav-companion")
+    schemas = {name: writer.add_schema(name, "jsonschema", schema_text(name)) for name in sorted({*TOPICS.values()})}
+    channels = {topic: writer.add_channel(topic, "json", schemas[name]) for topic, name in TOPICS.items()}
     writer.add_metadata("fwav-companion", HEIGHTS)
     encode, add, count = msgspec.json.Encoder().encode, writer.add_message, 0
     for count, (topic, at_ns, content) in enumerate(messages, 1):
-        add(channels[topic], at_ns, encode(content), at_ns, count & 0xFFFFFFFF)
+        add(channels[topic], at_ns, encode(content), count & 0xFFFFFFFF)
     writer.finish()
     return count
