@@ -11,6 +11,7 @@ import geojson as reader
 import msgspec
 import pymap3d
 import pytest
+from cot_schema import complaints
 from fastkml import KML
 
 from fwav_companion.ground.exports import cot_events, csv_table, geojson, kml, one_document, outline
@@ -75,6 +76,7 @@ def test_cursor_on_target_has_one_sigma_and_what_is_lost_until_it_is_stale():
     views = [TARGET, TargetView(id="2", seen_unix=now - 600, **lost), TargetView(id="3", seen_unix=now - 3601, **lost)]
     views = [msgspec.structs.replace(views[0], seen_unix=now), *views[1:]]
     events = cot_events(views, now * 10**9, "unit")
+    assert [complaints(event) for event in events] == [[], []]
     root = ET.fromstring(one_document(events))
     assert [each.get("uid").rpartition(".")[2] for each in root] == [TARGET.id, "2"]
     point = root[0].find("point")
@@ -92,6 +94,7 @@ def test_cursor_on_target_has_vehicles_and_heights_by_the_geoid():
     )
     silent = VehicleView(id="8", heard_unix=utc_s, heard={"position": utc_s - 10.0}, lat=48.1, lon=11.5)
     (event,) = cot_events([], utc_s * 10**9, "unit", vehicles=[heard, silent], geoid=lambda _lat, _lon: 45.5)
+    assert complaints(event) == []
     root = ET.fromstring(event)
     assert (root.get("type"), root.find("point").get("hae")) == ("a-f-A-M", "545.50")
     assert root.find("detail/track").attrib == {"course": "90.0", "speed": "4.0"}

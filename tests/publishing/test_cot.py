@@ -1,11 +1,13 @@
 """Cursor on Target, read by TAK's own schema (takproto) and by an XML parser that knows nothing of this package."""
 
+import re
 import xml.etree.ElementTree as ET
 from datetime import UTC, datetime
 from math import atan2, degrees, inf, nan
 
 import pymap3d
 import pytest
+from cot_schema import complaints
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from takproto.functions import xml2message
@@ -29,6 +31,7 @@ class Read:
     """One event, by two independent readers."""
 
     def __init__(self, data):
+        assert complaints(data) == []
         self.root = ET.fromstring(data)
         self.uid, self.kind = self.root.get("uid"), self.root.get("type")
         self.point = {name: float(value) for name, value in self.root.find("point").attrib.items()}
@@ -148,6 +151,27 @@ def test_merged_track_is_deleted(world):
     assert got[0].root.find("detail/__forcedelete") is not None
 
 
+@pytest.mark.parametrize(
+    ("of", "into", "complaint"),
+    [
+        ('lat="47', 'lat="147', "attribute 'lat'"),
+        ('how="m-f"', 'how="magic?"', "attribute 'how'"),
+        ('type="a-u-G"', 'type="a u G"', "attribute 'type'"),
+        ("Z", "", "attribute 'time'"),
+        ('ce="1.00"', "", "'ce' is required"),
+        ('ce="1.00"', 'ce="nan"', "attribute 'ce'"),
+        ('callsign="pad 1"', 'callsign=""', "attribute 'callsign'"),
+        ("<remarks>", "<remark/><remarks>", "'remark'"),
+    ],
+)
+def test_schema_refuses_what_is_no_event(world, of, into, complaint):
+    (event,) = MapMarkers(COT).due((world.track(),), None, world.situation())
+    assert complaints(event) == []
+    broken = event.decode().replace(of, into)
+    assert broken != event.decode()
+    assert any(complaint in each for each in complaints(broken.encode()))
+
+
 AIM = CameraAim((0.6, 0.0, 0.8), (7.5, 0.0, 0.0), 2.0)
 
 
@@ -241,11 +265,18 @@ def test_events_that_are_not_fetched_are_bounded(world):
 
 
 @settings(derandomize=True, max_examples=150)
-@given(label=st.text(max_size=20), callsign=st.text(max_size=20), kind=st.text(max_size=12))
-def test_whatever_people_write_it_stays_xml(world, label, callsign, kind):
+@given(
+    label=st.text(max_size=20),
+    callsign=st.text(max_size=20),
+    kind=st.from_regex(re.compile(r"[a-z](-[A-Za-z0-9]{1,3}){1,4}", re.ASCII), fullmatch=True),
+)
+def test_whatever_people_write_it_stays_an_event_by_the_schema(world, label, callsign, kind):
+    """``kind`` is what the configuration accepts; labels and names are anybody's."""
     options = PublishOptions(cot="udpout://a:1", cot_callsign=callsign, cot_type=kind, unit=label, cot_vehicle=False)
     track = world.track(label=label)
-    root = ET.fromstring(MapMarkers(options).due((track,), track, world.situation())[0])
+    (event,) = MapMarkers(options).due((track,), track, world.situation())
+    assert complaints(event) == []
+    root = ET.fromstring(event)
     assert [each.tag for each in root.find("detail")] == ["contact", "remarks"]
 
 
