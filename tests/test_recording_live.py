@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from processes import GroundStation, free_port, process
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -97,6 +98,12 @@ def test_kill_9_leaves_files_that_read_and_all_but_the_last_second(site: Site):
     whole = said[: said.rindex(b"\n") + 1]
     assert whole.count(b'"type":"target"') > 10
     assert again.startswith(whole[: whole.rindex(b"\n", 0, len(whole) - 1) + 1])
+    assert main(["export", str(folder), "--out", str(site.folder / "flight.mcap")]) == 0
+    with (site.folder / "flight.mcap").open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    names = {channel.id: channel.topic for channel in summary.channels.values()}
+    counts = {names[channel]: count for channel, count in summary.statistics.channel_message_counts.items()}
+    assert counts["/targets/estimates"] == whole.count(b'"type":"target"')
 
 
 def test_a_disk_that_takes_no_more_stops_the_recording_and_not_the_service(site: Site):

@@ -58,6 +58,11 @@ class SilenceTexts:
 
     def __init__(self) -> None:
         self._said: dict[str, set[str]] = {}
+        self._told: dict[str, set[str]] = {}
+
+    def on_told(self, vehicle: str, part: str) -> None:
+        """Take note that the vehicle's own text has reported a part's silence, as it will report its return."""
+        self._told.setdefault(vehicle, set()).add(part)
 
     def due(self, vehicle: VehicleView, now: float) -> list[tuple[str, bool]]:
         """(text, whether it is a warning) of each change that is to be reported now."""
@@ -65,6 +70,7 @@ class SilenceTexts:
         if not said and not vehicle.quiet and not vehicle.silent:
             return []
         said = self._said.setdefault(vehicle.id, set())
+        told = self._told.setdefault(vehicle.id, set())
         texts = []
         if vehicle.silent and WHOLE not in said:
             said.add(WHOLE)
@@ -75,8 +81,11 @@ class SilenceTexts:
         for part, since in vehicle.quiet.items():
             if part not in said and not vehicle.silent and now > since + SILENT_S + HELD_S:
                 said.add(part)
-                texts.append((f"{part} silent for {now - since:.0f} s: {REMEDIES[part]}", True))
+                if part not in told:
+                    texts.append((f"{part} silent for {now - since:.0f} s: {REMEDIES[part]}", True))
         for part in [part for part in PARTS if part in said and part not in vehicle.quiet and not vehicle.silent]:
             said.discard(part)
-            texts.append((f"{part} is heard again", False))
+            if part not in told:
+                texts.append((f"{part} is heard again", False))
+            told.discard(part)
         return texts

@@ -33,6 +33,7 @@ REPORTED = re.compile(
 """Texts of the companion about targets."""
 CONTRADICTED = re.compile(r"camera mount: .+|landmarks .+ contradict one another")
 """Texts of the companion that say that the claimed accuracy does not hold. It does not take them back."""
+AUTOPILOT_LOST = "autopilot lost: "
 READY = re.compile(r"(?P<not>not )?ready: (?P<text>.+)")
 
 
@@ -131,6 +132,8 @@ class TargetMessages:
         if (ready := READY.match(text)) is not None:
             heard = {"companion": now, "readiness": now}
             self._picture.on_vehicle(vehicle, now, heard=heard, ready=ready["not"] is None, readiness=text)
+        elif text.startswith(AUTOPILOT_LOST):
+            self._picture.on_silence_told(vehicle, "autopilot")
         elif CONTRADICTED.match(text) is not None:
             self._picture.on_vehicle(vehicle, now, contradicted=text)
         elif (report := REPORTED.match(text)) is not None:

@@ -68,6 +68,19 @@ def test_autopilot_that_comes_back_is_reported_once():
     assert texts(picture).count("autopilot is heard again") == 1
 
 
+@pytest.mark.parametrize("reports", [True, False])
+def test_silence_that_the_companion_reports_itself_is_not_said_twice(reports):
+    receiver = flown(10.0, autopilot_until=5.0)
+    if reports:
+        receiver.take(191, text(b"autopilot lost: no heartbeat for 5 s"), now=NOW + 10.0)
+    flown(8.0, autopilot_until=-1.0, begins=NOW + 10.0, receiver=receiver)
+    assert receiver.picture.vehicles["1"].quiet.keys() == {"autopilot"}
+    flown(5.0, begins=NOW + 18.0, receiver=receiver)
+    said = [each for each in texts(receiver.picture) if each.startswith("autopilot")]
+    own = ["autopilot silent for 7 s: check its power and its wire to the companion", "autopilot is heard again"]
+    assert said == (["autopilot lost: no heartbeat for 5 s"] if reports else own)
+
+
 def test_killed_companion_takes_its_readiness_with_it():
     picture = flown(20.0, companion_until=5.0).picture
     vehicle = picture.vehicles["1"]

@@ -1,12 +1,17 @@
 """MCAP, GPX and KMZ of ``export``, opened by readers of other projects."""
 
 import base64
+import contextlib
 import inspect
 import io
 import itertools
 import json
+import os
+import pty
 import re
 import shutil
+import subprocess
+import sys
 import tracemalloc
 import xml.etree.ElementTree as ET
 import zipfile
@@ -279,3 +284,21 @@ def test_memory_of_mcap_does_not_grow_with_the_flight(tmp_path, picture_bytes):
     peak(100)
     few, many = peak(1_500), peak(4_500)
     assert many < 1.25 * few
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_bar_is_on_a_terminal_and_not_in_a_pipe(folder, terminal):
+    ours, theirs = pty.openpty() if terminal else os.pipe()
+    command = [sys.executable, "-m", "fwav_companion", "export", str(folder), "--out", str(folder.parent / "a.mcap")]
+    done = subprocess.run(
+        command, stderr=theirs, stdout=subprocess.PIPE, timeout=60, env=os.environ | {"TERM": "xterm"}
+    )
+    os.close(theirs)
+    written = b""
+    with contextlib.suppress(OSError):  # a terminal whose other end is closed
+        while part := os.read(ours, 65536):
+            written += part
+    os.close(ours)
+    assert (done.returncode, done.stdout) == (0, b"")
+    assert (b"100%" in written) == terminal
+    assert b"1 line is incomplete" in written
