@@ -59,6 +59,8 @@ class SilenceTexts:
     def __init__(self) -> None:
         self._said: dict[str, set[str]] = {}
         self._told: dict[str, set[str]] = {}
+        self._back_unix: dict[str, float] = {}
+        """Instant at which a vehicle that was silent as a whole was heard again: its parts return one by one."""
 
     def on_told(self, vehicle: str, part: str) -> None:
         """Take note that the vehicle's own text has reported a part's silence, as it will report its return."""
@@ -77,9 +79,11 @@ class SilenceTexts:
             texts.append((f"silent for {now - vehicle.heard_unix:.0f} s: check its link", True))
         elif not vehicle.silent and WHOLE in said:
             said.discard(WHOLE)
+            self._back_unix[vehicle.id] = now
             texts.append(("is heard again", False))
+        back_unix = self._back_unix.get(vehicle.id, 0.0)
         for part, since in vehicle.quiet.items():
-            if part not in said and not vehicle.silent and now > since + SILENT_S + HELD_S:
+            if part not in said and not vehicle.silent and now > max(since, back_unix) + SILENT_S + HELD_S:
                 said.add(part)
                 if part not in told:
                     texts.append((f"{part} silent for {now - since:.0f} s: {REMEDIES[part]}", True))

@@ -65,10 +65,13 @@ class GroundPicture:
 
     # What comes in.
 
-    def on_vehicle(self, vehicle: str, now: float, *, heard: Mapping[str, float] | None = None, **changes: Any) -> None:
+    def on_vehicle(
+        self, vehicle: str, now: float, *, heard: Mapping[str, float | None] | None = None, **changes: Any
+    ) -> None:
         """Change fields of a vehicle; an unknown one is added where there is room.
 
         ``heard``: the instants of the evidence for these changes, by part and value; without one nothing is newer.
+        None: nothing is known of this part any longer.
         """
         known = self._vehicles.get(vehicle)
         if known is None:
@@ -79,7 +82,10 @@ class GroundPicture:
             self.say(vehicle, "heard for the first time", now, severity=NOTICE)
         instants = dict(known.heard)
         for name, at in (heard or {}).items():
-            instants[name] = max(at, instants.get(name, at))
+            if at is None:
+                instants.pop(name, None)
+            else:
+                instants[name] = max(at, instants.get(name, at))
         changed = replace(known, **changes, heard=instants, heard_unix=newest(instants, known.heard_unix))
         self._vehicles[vehicle] = replace(_judged(changed, known, now), revision=self._next())
         if "lat" in changes and changes["lat"] is not None:

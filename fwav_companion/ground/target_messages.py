@@ -33,6 +33,9 @@ REPORTED = re.compile(
 """Texts of the companion about targets."""
 CONTRADICTED = re.compile(r"camera mount: .+|landmarks .+ contradict one another")
 """Texts of the companion that say that the claimed accuracy does not hold. It does not take them back."""
+NO_PICTURES = "not ready: no pictures"
+NO_PICTURES_AGE_S = 6.0
+"""Age of the newest picture when this is reported, seconds: 3 without one, and 3 for which that has held."""
 AUTOPILOT_LOST = "autopilot lost: "
 READY = re.compile(r"(?P<not>not )?ready: (?P<text>.+)")
 
@@ -130,7 +133,10 @@ class TargetMessages:
         if component == AUTOPILOT:
             return
         if (ready := READY.match(text)) is not None:
-            heard = {"companion": now, "readiness": now}
+            heard: dict[str, float | None] = {"companion": now, "readiness": now, "detector": None}
+            if text.startswith(NO_PICTURES):
+                heard["detector"] = now - NO_PICTURES_AGE_S
+                self._picture.on_silence_told(vehicle, "detector")
             self._picture.on_vehicle(vehicle, now, heard=heard, ready=ready["not"] is None, readiness=text)
         elif text.startswith(AUTOPILOT_LOST):
             self._picture.on_silence_told(vehicle, "autopilot")

@@ -81,6 +81,18 @@ def test_silence_that_the_companion_reports_itself_is_not_said_twice(reports):
     assert said == (["autopilot lost: no heartbeat for 5 s"] if reports else own)
 
 
+def test_pictures_that_stopped_are_named_by_mavlink_alone_until_the_next_readiness():
+    receiver = flown(5.0)
+    receiver.take(191, text(b"not ready: no pictures: check [vision] source"), now=NOW + 5.0)
+    flown(4.0, begins=NOW + 5.0, receiver=receiver)
+    vehicle = receiver.picture.vehicles["1"]
+    assert (vehicle.quiet, vehicle.ready) == ({"detector": NOW - 1.0}, False)
+    receiver.take(191, text(READY), now=NOW + 9.0)
+    flown(9.0, begins=NOW + 9.0, receiver=receiver)
+    assert (receiver.picture.vehicles["1"].quiet, receiver.picture.vehicles["1"].ready) == ({}, True)
+    assert not any("detector" in each for each in texts(receiver.picture))  # the companion has said it
+
+
 def test_killed_companion_takes_its_readiness_with_it():
     picture = flown(20.0, companion_until=5.0).picture
     vehicle = picture.vehicles["1"]
@@ -103,6 +115,14 @@ def test_vehicle_whose_link_is_cut_is_one_text_not_one_a_part():
     picture = flown(20.0, autopilot_until=5.0, companion_until=5.5).picture
     assert picture.vehicles["1"].silent
     assert [each for each in texts(picture) if "silent" in each] == ["silent for 5 s: check its link"]
+
+
+def test_vehicle_whose_parts_return_one_by_one_is_reported_once():
+    receiver = flown(20.0, autopilot_until=5.0, companion_until=5.5)
+    flown(3.0, autopilot_until=-1.0, begins=NOW + 20.0, receiver=receiver)
+    picture = flown(9.0, begins=NOW + 23.0, receiver=receiver).picture
+    assert picture.vehicles["1"].quiet == {}
+    assert [each for each in texts(picture) if "heard" in each] == ["heard for the first time", "is heard again"]
 
 
 def test_text_that_comes_by_two_links_is_shown_once():
