@@ -60,7 +60,7 @@ def geojson(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> b
     for vehicle in vehicles:
         if vehicle.lat is not None and vehicle.lon is not None:
             properties = {"kind": "vehicle", "id": vehicle.id, "heading_deg": vehicle.heading_deg}
-            properties["heard_utc"] = _utc(vehicle.heard_unix)
+            properties |= {"heard_utc": _utc(vehicle.heard_unix), "placed_utc": _utc(_placed_unix(vehicle))}
             features.append(_feature("Point", _position(vehicle.lon, vehicle.lat, vehicle.alt_amsl), properties))
     return json.dumps({"type": "FeatureCollection", "features": features}).encode()
 
@@ -86,7 +86,9 @@ def kml(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> bytes
         if vehicle.lat is not None and vehicle.lon is not None:
             place = f"{vehicle.lon:.8f},{vehicle.lat:.8f},{vehicle.alt_amsl or 0.0:.2f}"
             name = escape(f"vehicle {vehicle.id}")
-            parts.append(f"<Placemark><name>{name}</name><Point><coordinates>{place}</coordinates></Point></Placemark>")
+            when = f"<TimeStamp><when>{_utc(_placed_unix(vehicle))}</when></TimeStamp>"
+            point = f"<Point><coordinates>{place}</coordinates></Point>"
+            parts.append(f"<Placemark><name>{name}</name>{when}{point}</Placemark>")
     parts.append("</Document></kml>\n")
     return "".join(parts).encode()
 
@@ -118,7 +120,7 @@ def cot_events(
     now = utc_ns / 1e9 if now_unix is None else now_unix
     events = []
     for vehicle in vehicles:
-        age_s = max(0.0, now - vehicle.heard.get("position", vehicle.heard_unix))
+        age_s = max(0.0, now - _placed_unix(vehicle))
         if vehicle.lat is not None and age_s < COT_VEHICLE_STALE_S:  # its time is that of its place
             events.append(_vehicle_event(vehicle, utc_ns - round(age_s * 1e9), unit, geoid))
     for target in targets:
@@ -126,6 +128,11 @@ def cot_events(
         if left_s > 0.0 and target.state not in ("tentative", "dropped"):
             events.append(_target_event(target, utc_ns, unit, geoid, left_s))
     return [event.as_xml().encode() for event in events]
+
+
+def _placed_unix(vehicle: VehicleView) -> float:
+    """Instant of the vehicle's place, which may be much older than its last message."""
+    return vehicle.heard.get("position", vehicle.heard_unix)
 
 
 def _vehicle_event(vehicle: VehicleView, utc_ns: int, unit: str, geoid: GeoidHeight | None) -> MapEvent:

@@ -51,7 +51,7 @@ def target_report(track: Track, situation: Situation) -> TargetReport:
         age_s = s_from_ns(situation.now_ns - track.host_ns)
         moved = scale(track.velocity_ned, min(max(age_s, 0.0), MAX_PREDICTED_S))
         position, apparent = add(position, moved), add(apparent, moved)
-    vehicle = situation.vehicle
+    vehicle = situation.recent_vehicle
     return TargetReport(
         track=track,
         position_ned=position,
@@ -86,7 +86,7 @@ def upper_triangle(cov: Matrix3) -> tuple[float, ...]:
 
 def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:
     """Vector from the vehicle, NED, metres. Without a global position, tracks start at the point below the camera."""
-    vehicle = situation.vehicle
+    vehicle = situation.recent_vehicle
     if vehicle is None:
         return None
     if vehicle.position_ned is not None:

@@ -9,9 +9,12 @@ from functools import cached_property
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.types.board import BoardReport
 from fwav_companion.types.telemetry import ClockEstimate, VehicleState
+
+OLDEST_NS = 5 * NS_PER_S
+"""Age from which a vehicle's state is no longer its present one: five missed heartbeats, as for its silence."""
 
 
 class AutopilotKind(StrEnum):
@@ -66,6 +69,12 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     def vehicle(self) -> VehicleState | None:
         """Newest usable state of the vehicle."""
         return self.newest_state()
+
+    @cached_property
+    def recent_vehicle(self) -> VehicleState | None:
+        """The vehicle's state, unless it is so old that the vehicle may be elsewhere."""
+        state = self.vehicle
+        return None if state is None or self.now_ns - self.host_ns_of(state) > OLDEST_NS else state
 
     @cached_property
     def clock(self) -> ClockEstimate | None:

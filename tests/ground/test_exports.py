@@ -22,7 +22,9 @@ TARGET = TargetView(
     id="1/4", vehicle="1", track="4", label="<a & b>", state="confirmed", lat=48.1, lon=11.5, alt_amsl=520.0,
     ellipse=ELLIPSE, radius95_m=2.7, first_unix=1_790_000_000.0, seen_unix=1_790_000_060.0, source="status",
 )  # fmt: skip
-VEHICLE = VehicleView(id="1", heard_unix=1_790_000_000.0, lat=48.2, lon=11.6, heading_deg=12.0)
+PLACED = {"companion": 1_790_000_000.0, "position": 1_790_000_000.0 - 45.0}
+VEHICLE = VehicleView(id="1", heard_unix=1_790_000_000.0, heard=PLACED, lat=48.2, lon=11.6, heading_deg=12.0)
+"""Its autopilot died 45 s ago: its place is that old."""
 
 
 def test_the_outline_has_its_axes_and_bearing():
@@ -42,6 +44,8 @@ def test_geojson_is_valid_and_has_points_and_polygons():
     kinds = [(feature["properties"]["kind"], feature["geometry"]["type"]) for feature in document["features"]]
     assert kinds == [("target", "Point"), ("ellipse95", "Polygon"), ("vehicle", "Point")]
     assert document["features"][0]["geometry"]["coordinates"][:2] == [11.5, 48.1]
+    times = [document["features"][2]["properties"][name] for name in ("heard_utc", "placed_utc")]
+    assert times == ["2026-09-21T14:13:20Z", "2026-09-21T14:12:35Z"]
 
 
 def test_kml_is_read_with_its_placemarks():
@@ -49,6 +53,7 @@ def test_kml_is_read_with_its_placemarks():
     (folder,) = document.features
     names = [placemark.name for placemark in folder.features]
     assert names == ["<a & b> 1/4", "vehicle 1"]
+    assert folder.features[1].time_stamp.dt.isoformat() == "2026-09-21T14:12:35+00:00"
 
 
 def test_csv_has_one_row_a_target_and_no_formula():

@@ -40,6 +40,16 @@ def test_named_values_of_the_selected_target(world):
     assert max(map(len, got)) <= 10
 
 
+@pytest.mark.parametrize(("age_s", "known"), [(4, True), (6, False)])
+def test_distance_from_a_place_where_the_vehicle_was_is_unknown(world, age_s, known):
+    """The autopilot has died: its last place is no longer where the vehicle is; the target's own place remains."""
+    publisher = Publisher(PublishOptions(**QUIET))
+    last, now = world.state(position=(1.0, 7.0, -12.0)), world.NOW + age_s * world.S
+    got = values(world, publisher.on_tracks((world.track(5, at=now),), world.situation(now=now, vehicle=last)))
+    assert (got["TGT_N"], got["TGT_E"]) == (4.0, 3.0)
+    assert [isnan(got[name]) for name in ("TGT_DIST", "TGT_BRG")] == [not known] * 2
+
+
 def test_without_a_global_position_the_distance_is_from_above_the_origin_of_the_tracks(world):
     publisher = Publisher(PublishOptions(**QUIET))
     hovering = world.state(position=None, velocity=None, height=12.0)

@@ -13,11 +13,12 @@ import shutil
 import subprocess
 import sys
 import tracemalloc
-import xml.etree.ElementTree as ET
 import zipfile
+from datetime import UTC, datetime
 from pathlib import Path
 
 import foxglove.messages
+import gpxpy
 import jsonschema
 import msgspec
 import numpy as np
@@ -211,12 +212,19 @@ def test_layout_shows_every_panel_that_it_configures():
     assert set(layout["configById"]) == {text for text in walked(layout["layout"]) if "!" in text}
 
 
-def test_gpx_has_a_waypoint_for_each_confirmed_target(folder, capsys):
-    root = ET.fromstring(exported(folder, "a.gpx", capsys))
-    space = {"g": "http://www.topografix.com/GPX/1/1"}
-    (point,) = root.findall("g:wpt", space)
-    assert (point.get("lat"), point.get("lon"), point.find("g:ele", space).text) == ("48.1", "11.5", "500.00")
-    assert point.find("g:time", space).text == "2026-09-21T14:13:22.000Z"
+def test_gpx_has_a_waypoint_for_each_confirmed_target_and_the_path_of_one_that_moves(folder, capsys):
+    walker = [target(n, track=5, lat=48.1 + n * 1e-5, vel=[1.0, 0.0, 0.0]) for n in (3, 4, 5)]
+    with (folder / "targets.jsonl").open("r+b") as file:
+        whole = file.read().rpartition(b"\n")[0] + b"\n"
+        file.seek(0)
+        file.write(whole + b"".join(json.dumps(line).encode() + b"\n" for line in walker) + b'{"type":"target","ti')
+    gpx = gpxpy.parse(exported(folder, "a.gpx", capsys).decode(), version="1.1")
+    first, second = gpx.waypoints
+    assert (first.latitude, first.longitude, first.elevation) == (48.1, 11.5, 500.0)
+    assert first.time == datetime(2026, 9, 21, 14, 13, 22, tzinfo=UTC)
+    assert second.latitude == pytest.approx(48.10005)
+    (path,) = gpx.tracks
+    assert [point.latitude for point in path.segments[0].points] == pytest.approx([48.10003, 48.10004, 48.10005])
 
 
 def test_kmz_has_the_picture_of_the_last_sight(folder, capsys):
