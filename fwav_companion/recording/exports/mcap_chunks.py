@@ -12,31 +12,20 @@ from collections import defaultdict
 from collections.abc import Mapping
 from struct import Struct, pack
 from sys import byteorder
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.writer import MCAP0_MAGIC
+if TYPE_CHECKING:
+    from mcap.records import Channel, ChunkIndex, McapRecord, MetadataIndex, Schema, Statistics
 
-MESSAGE: Final = Struct("<BQHIQQ")
+MAGIC: Final = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, MESSAGE_INDEX, CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x07, 0x08
+ATTACHMENT_INDEX, STATISTICS, METADATA_INDEX = 0x0A, 0x0B, 0x0D
+"""Opcodes of records."""
+MESSAGE_HEAD: Final = Struct("<BQHIQQ")
 """Opcode, length of what follows, channel, sequence, log time, publish time."""
-MESSAGE_BYTES: Final = MESSAGE.size - 9
+MESSAGE_BYTES: Final = MESSAGE_HEAD.size - 9
 """Bytes of these fields that the length counts: without opcode and length."""
-INDEX: Final = Struct("<BQHI")
+INDEX_HEAD: Final = Struct("<BQHI")
 """Opcode, length of what follows, channel, bytes of the entries."""
 FOOTER_BYTES: Final = 20
 
@@ -45,6 +34,9 @@ class ChunkedFile:
     """An MCAP file that grows by whole chunks; what is kept is one chunk and the index of the others."""
 
     def __init__(self, file: BinaryIO, chunk_bytes: int, library: str) -> None:
+        from mcap import records
+
+        self._records = records
         self._file, self._chunk_bytes = file, chunk_bytes
         self._at = 0
         self._schemas: list[Schema] = []
@@ -58,28 +50,30 @@ class ChunkedFile:
         self._first_ns = self._last_ns = 0
         self._span_ns: tuple[int, int] | None = None
         """First and last log time in the chunk."""
-        self._write(MCAP0_MAGIC)
-        self._write(_bytes_of(Header("", library)))
+        self._write(MAGIC)
+        self._write(_bytes_of(self._records.Header("", library)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema; returns its number."""
         number = len(self._schemas) + 1
-        self._schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
+        self._schemas.append(self._records.Schema(id=number, data=data, encoding=encoding, name=name))
         self._chunk += _bytes_of(self._schemas[-1])
         return number
 
     def add_channel(self, topic: str, encoding: str, schema: int) -> int:
         """Add a channel; returns its number."""
         number = len(self._channels) + 1
-        channel = Channel(id=number, topic=topic, message_encoding=encoding, metadata={}, schema_id=schema)
+        channel = self._records.Channel(
+            id=number, topic=topic, message_encoding=encoding, metadata={}, schema_id=schema
+        )
         self._channels.append(channel)
         self._chunk += _bytes_of(channel)
         return number
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Add metadata about the whole file."""
-        data = _bytes_of(Metadata(name=name, metadata=dict(content)))
-        self._metadata.append(MetadataIndex(offset=self._at, length=len(data), name=name))
+        data = _bytes_of(self._records.Metadata(name=name, metadata=dict(content)))
+        self._metadata.append(self._records.MetadataIndex(offset=self._at, length=len(data), name=name))
         self._write(data)
 
     def add_message(self, channel: int, at_ns: int, data: bytes, sequence: int) -> None:
@@ -87,7 +81,7 @@ class ChunkedFile:
         chunk, entries = self._chunk, self._entries[channel]
         entries.append(at_ns)
         entries.append(len(chunk))
-        chunk += MESSAGE.pack(Opcode.MESSAGE, MESSAGE_BYTES + len(data), channel, sequence, at_ns, at_ns)
+        chunk += MESSAGE_HEAD.pack(MESSAGE, MESSAGE_BYTES + len(data), channel, sequence, at_ns, at_ns)
         chunk += data
         span = self._span_ns
         if span is None:
@@ -102,29 +96,31 @@ class ChunkedFile:
     def finish(self) -> None:
         """Write the last chunk and the summary by which readers find everything."""
         self._end_chunk()
-        self._write(_bytes_of(DataEnd(0)))
+        self._write(_bytes_of(self._records.DataEnd(0)))
         start, summary, offsets = self._at, bytearray(), []
         for opcode, records in (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, []),
-            (Opcode.METADATA_INDEX, self._metadata),
+            (SCHEMA, self._schemas),
+            (CHANNEL, self._channels),
+            (STATISTICS, [self._statistics()]),
+            (CHUNK_INDEX, self._chunks),
+            (ATTACHMENT_INDEX, []),
+            (METADATA_INDEX, self._metadata),
         ):
             group = b"".join(map(_bytes_of, records))
-            offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
+            offsets.append(self._records.SummaryOffset(opcode, start + len(summary), len(group)))
             summary += group
         offsets_start = start + len(summary)
         summary += b"".join(map(_bytes_of, offsets))
-        begin = pack("<BQQQ", Opcode.FOOTER, FOOTER_BYTES, start, offsets_start)
+        begin = pack("<BQQQ", FOOTER, FOOTER_BYTES, start, offsets_start)
         crc = zlib.crc32(begin, zlib.crc32(summary))
         self._write(summary)
-        self._write(_bytes_of(Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)))
-        self._write(MCAP0_MAGIC)
+        self._write(
+            _bytes_of(self._records.Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc))
+        )
+        self._write(MAGIC)
 
     def _statistics(self) -> Statistics:
-        return Statistics(
+        return self._records.Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
@@ -145,7 +141,7 @@ class ChunkedFile:
         self._last_ns = max(self._last_ns, last_ns)
         start, size = self._at, len(self._chunk)
         content = bytes(self._chunk)
-        record = _bytes_of(Chunk("", content, last_ns, first_ns, zlib.crc32(content), size))
+        record = _bytes_of(self._records.Chunk("", content, last_ns, first_ns, zlib.crc32(content), size))
         self._write(record)
         indexed, offsets = self._at, {}
         for channel, entries in self._entries.items():
@@ -153,11 +149,11 @@ class ChunkedFile:
             if byteorder == "big":
                 entries.byteswap()
             data = entries.tobytes()
-            self._write(INDEX.pack(Opcode.MESSAGE_INDEX, INDEX.size - 9 + len(data), channel, len(data)))
+            self._write(INDEX_HEAD.pack(MESSAGE_INDEX, INDEX_HEAD.size - 9 + len(data), channel, len(data)))
             self._write(data)
             self._counts[channel] += len(entries) // 2
         self._chunks.append(
-            ChunkIndex(
+            self._records.ChunkIndex(
                 chunk_length=len(record),
                 chunk_start_offset=start,
                 compression="",
@@ -179,6 +175,8 @@ class ChunkedFile:
 
 
 def _bytes_of(record: McapRecord) -> bytes:
+    from mcap.data_stream import RecordBuilder
+
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()
