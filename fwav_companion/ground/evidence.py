@@ -58,13 +58,14 @@ class SilenceTexts:
 
     def __init__(self) -> None:
         self._said: dict[str, set[str]] = {}
-        self._told: dict[str, set[str]] = {}
+        self._by_vehicle: dict[str, set[str]] = {}
+        """Parts whose silence and return the vehicle's own texts report."""
         self._back_unix: dict[str, float] = {}
         """Instant at which a vehicle that was silent as a whole was heard again: its parts return one by one."""
 
-    def on_told(self, vehicle: str, part: str) -> None:
-        """Take note that the vehicle's own text has reported a part's silence, as it will report its return."""
-        self._told.setdefault(vehicle, set()).add(part)
+    def on_reported(self, vehicle: str, part: str) -> None:
+        """Leave a part's silence to the vehicle's own texts, which have reported it and will report its return."""
+        self._by_vehicle.setdefault(vehicle, set()).add(part)
 
     def due(self, vehicle: VehicleView, now: float) -> list[tuple[str, bool]]:
         """(text, whether it is a warning) of each change that is to be reported now."""
@@ -72,7 +73,7 @@ class SilenceTexts:
         if not said and not vehicle.quiet and not vehicle.silent:
             return []
         said = self._said.setdefault(vehicle.id, set())
-        told = self._told.setdefault(vehicle.id, set())
+        by_vehicle = self._by_vehicle.setdefault(vehicle.id, set())
         texts = []
         if vehicle.silent and WHOLE not in said:
             said.add(WHOLE)
@@ -85,11 +86,11 @@ class SilenceTexts:
         for part, since in vehicle.quiet.items():
             if part not in said and not vehicle.silent and now > max(since, back_unix) + SILENT_S + HELD_S:
                 said.add(part)
-                if part not in told:
+                if part not in by_vehicle:
                     texts.append((f"{part} silent for {now - since:.0f} s: {REMEDIES[part]}", True))
         for part in [part for part in PARTS if part in said and part not in vehicle.quiet and not vehicle.silent]:
             said.discard(part)
-            if part not in told:
+            if part not in by_vehicle:
                 texts.append((f"{part} is heard again", False))
-            told.discard(part)
+            by_vehicle.discard(part)
         return texts

@@ -136,9 +136,9 @@ class GroundPicture:
             TextView(revision=self._next(), time_unix=now, vehicle=vehicle, severity=severity, text=shown)
         )
 
-    def on_silence_told(self, vehicle: str, part: str) -> None:
-        """Take note that a text of the vehicle itself has reported that a part is silent: it is said once."""
-        self._silences.on_told(vehicle, part)
+    def on_silence_reported(self, vehicle: str, part: str) -> None:
+        """Leave the silence of a part to the vehicle's own texts, which have reported it: it is said once."""
+        self._silences.on_reported(vehicle, part)
 
     def on_source(self, name: str, works: bool, text: str) -> None:
         """Set the state of an input."""

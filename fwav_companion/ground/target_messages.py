@@ -136,10 +136,10 @@ class TargetMessages:
             heard: dict[str, float | None] = {"companion": now, "readiness": now, "detector": None}
             if text.startswith(NO_PICTURES):
                 heard["detector"] = now - NO_PICTURES_AGE_S
-                self._picture.on_silence_told(vehicle, "detector")
+                self._picture.on_silence_reported(vehicle, "detector")
             self._picture.on_vehicle(vehicle, now, heard=heard, ready=ready["not"] is None, readiness=text)
         elif text.startswith(AUTOPILOT_LOST):
-            self._picture.on_silence_told(vehicle, "autopilot")
+            self._picture.on_silence_reported(vehicle, "autopilot")
         elif CONTRADICTED.match(text) is not None:
             self._picture.on_vehicle(vehicle, now, contradicted=text)
         elif (report := REPORTED.match(text)) is not None:

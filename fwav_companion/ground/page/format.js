@@ -5,7 +5,7 @@ export function age(seconds) {
   return seconds < 1.5 ? "now" : `${duration(seconds)} ago`;
 }
 
-// Of a silence: how long, without the word ago.
+// The length of a silence, without the word ago.
 export function duration(seconds) {
   if (seconds < 90) return `${Math.round(seconds)} s`;
   if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
