@@ -15,10 +15,8 @@ CARRIED_BY = {"camera": "companion", "detector": "camera"}
 """The part through which a part is heard: where that one is silent, nothing is known of the other."""
 STATED_BY = ("autopilot", "companion")
 """The parts without which a report of readiness means nothing."""
-VALUES = ("position", "attitude", "battery", "gps", "readiness")
-"""The values whose instants are kept beside those of the parts."""
-
 WHOLE = "vehicle"
+"""Key of the silence of every part."""
 NOTHING_SAID: set[str] = set()
 HELD_S = 2.0
 """Two heartbeats: the time within which the parts of one vehicle fall silent together."""
