@@ -1,13 +1,18 @@
 """Messages for maps: Cursor on Target over UDP, and ADSB_VEHICLE, which must never reach an autopilot."""
 
 import socket
+import time
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from autopilot_tap import Tap
+from cot_schema import complaints
+from processes import free_port
 from sites import Site
+from tak_server import Authority, TakServer, p12, package, pem
 
 AHEAD_S = 5_000.0
 """Difference between the autopilot's UTC and this machine's wall clock, seconds; the autopilot's is the true one."""
@@ -58,6 +63,65 @@ def test_a_map_gets_the_target_under_a_name_that_lasts_at_true_utc(site: Site, s
     assert float(point.get("lon")) == pytest.approx(target["lon"], abs=3e-5)
     assert float(point.get("hae")) == pytest.approx(target["alt_amsl"] + 47.0, abs=1.0)
     assert 0.0 < float(point.get("ce")) < 3.0
+
+
+def test_service_with_a_tls_link_starts_and_says_why_it_is_not_open(site: Site, tmp_path: Path):
+    """The daemon keeps OpenSSL out of memory, unless its configuration needs it."""
+    authority = Authority()
+    (tmp_path / "ca.pem").write_bytes(pem(authority.certificate))
+    site.replace('cot = ""', f'cot = "tls://127.0.0.1:{free_port()}"')
+    site.replace('cot_ca = ""', f'cot_ca = "{tmp_path}/ca.pem"')
+    with site.service() as service:
+        service.wait_for("link cot is down")
+        assert service.stop() == 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(180)
+def test_tak_server_gets_vehicle_view_and_targets_and_never_an_old_place_as_a_new_one(site: Site, tmp_path: Path):
+    """By TLS, from a data package alone. After the autopilot's death the vehicle's event keeps its time, and ends."""
+    authority, password = Authority(), "atakatak"
+    (tmp_path / "ca.p12").write_bytes(p12(None, None, password, [authority.certificate]))
+    (tmp_path / "unit.p12").write_bytes(p12(*authority.issue("unit"), password))
+    with TakServer(tmp_path, authority, *authority.issue("tak.example")) as server:
+        files = (tmp_path / "ca.p12", tmp_path / "unit.p12")
+        package(tmp_path / "unit.zip", "127.0.0.1", server.port, *files, password)
+        site.replace('cot_package = ""', f'cot_package = "{tmp_path}/unit.zip"')
+        with site.service() as service:
+            with site.mock("--scenario", "unbiased"):
+                wait_for(lambda: {"vehicle", "spi", "target"} <= {kind_of(each) for each in server.events})
+            before = len(server.events)
+            wait_for(lambda: len([each for each in server.events[before:] if kind_of(each) == "vehicle"]) >= 5)
+            time.sleep(STALE_S)
+            after = len(server.events)
+            time.sleep(3.0)
+            assert service.stop() == 0
+    assert [complaints(each.partition(b"?>")[2]) for each in server.events] == [[]] * len(server.events)
+    repeated = [
+        ET.fromstring(each.partition(b"?>")[2]) for each in server.events[before:] if kind_of(each) == "vehicle"
+    ]
+    times = [datetime.fromisoformat(each.get("time")) for each in repeated[3:]]
+    assert (max(times) - min(times)).total_seconds() < 0.5  # of the same place: the clock's estimate moves by less
+    assert "vehicle" not in {kind_of(each) for each in server.events[after:]}
+    flying = [ET.fromstring(each.partition(b"?>")[2]) for each in server.events[:before] if kind_of(each) == "vehicle"]
+    assert flying[-1].find("detail/sensor") is not None
+
+
+STALE_S = 10.0
+"""[publish] cot_stale_s."""
+
+
+def kind_of(event: bytes) -> str:
+    """The last word of an event's uid: vehicle, spi, target, or the number of a track."""
+    return ET.fromstring(event.partition(b"?>")[2]).get("uid", "").rpartition(".")[2]
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    """Wait until the condition holds."""
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
 
 
 @pytest.mark.timeout(120)

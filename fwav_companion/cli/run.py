@@ -25,16 +25,19 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the configuration and its files, then serve."""
-    from fwav_companion.service.lean import leave_the_rest_alone, spare_memory
+    from fwav_companion.service.lean import allow_openssl, leave_the_rest_alone, spare_memory
 
     spare_memory()  # before anything large is imported
+    from fwav_companion.config import load, load_signing_key
+
+    config = load(arguments.config)
+    if config.map_server is not None and config.map_server.may_use_tls:
+        allow_openssl()
     import asyncio
 
-    from fwav_companion.config import load, load_signing_key
     from fwav_companion.service.configured_files import load_calibration, load_elevation, recorded_extra_files
     from fwav_companion.service.daemon import Service
 
-    config = load(arguments.config)
     config.require_links()
     calibration = load_calibration(config) if config.localizes else None
     key = load_signing_key(config)

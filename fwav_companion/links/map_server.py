@@ -18,6 +18,11 @@ class MapServer(msgspec.Struct, frozen=True, kw_only=True):
     server_name: str = ""
     package: str = ""
 
+    @property
+    def may_use_tls(self) -> bool:
+        """Whether its link may be by TLS; a package says so only once it is read."""
+        return self.url.startswith("tls:") or bool(self.package)
+
     def resolved(self, folder: Path) -> MapServer:
         """The same with paths that count from this folder."""
         names = ("client_cert", "client_key", "password_file", "ca", "package")

@@ -11,16 +11,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import cast
 
+OPENSSL = ("ssl", "_hashlib")
+"""Modules that load OpenSSL."""
+
 
 def spare_memory() -> None:
     """Keep OpenSSL and pymavlink's module out of memory. Call before asyncio is imported, in the daemon alone.
 
-    asyncio and hashlib work without OpenSSL, as on a Python that was built without it: this saves 6 MiB. The daemon
-    opens no TLS connection, and Python's own SHA-256 takes 0.2 us longer on a frame. Only tables of pymavlink are
-    needed, and they have been read: later imports reuse the memory of its classes, so a relay has 28 MiB and not 32.
-    Until :func:`leave_the_rest_alone` no garbage collection interrupts the imports, which saves 5 % of the start.
+    asyncio and hashlib work without OpenSSL, as on a Python that was built without it: this saves 6 MiB, and Python's
+    own SHA-256 takes 0.2 us longer on a frame. A service with a TAK server calls :func:`allow_openssl` once it has read
+    its configuration. Only tables of pymavlink are needed, and they have been read: later imports reuse the memory of
+    its classes, so a relay has 28 MiB and not 32. Until :func:`leave_the_rest_alone` no garbage collection interrupts
+    the imports, which saves 5 % of the start.
     """
-    for name in ("ssl", "_hashlib"):
+    for name in OPENSSL:
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
     if "pymavlink" in sys.modules:  # not a process of the daemon alone: another module uses it
         return
@@ -29,6 +33,13 @@ def spare_memory() -> None:
 
     forget_dialect()
     gc.collect()
+
+
+def allow_openssl() -> None:
+    """Let OpenSSL be imported, for a connection by TLS. Call before asyncio is imported, which looks for it then."""
+    for name in OPENSSL:
+        if name in sys.modules and cast("dict[str, object]", sys.modules)[name] is None:
+            del sys.modules[name]
 
 
 @contextmanager
