@@ -207,7 +207,7 @@ return found;
 AA = 4.5
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_every_text_has_the_contrast_of_wcag_aa(page, vehicle, theme):
     page.open()
     page.browser.execute_script(f"document.documentElement.dataset.theme = '{theme}';")
