@@ -164,7 +164,6 @@ def test_export_is_saved_and_one_that_cannot_be_made_says_why(page, vehicle, tmp
     browser.find_element("css selector", ".menu summary").click()
     browser.find_element("link text", "GeoJSON").click()
     saved = tmp_path / "targets.geojson"
-    page.until("true", lambda: None)
     for _ in range(200):
         if saved.is_file():
             break

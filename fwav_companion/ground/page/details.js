@@ -1,7 +1,7 @@
 // The selected target: position in every form, accuracy, history, copy.
 import { age, clock, name } from "./format.js";
-import { contradiction } from "./health.js";
-import { accuracy, fromPoint, seenBy } from "./list.js";
+import { accuracy, contradiction } from "./health.js";
+import { fromPoint, seenBy } from "./list.js";
 import { height, length, place } from "./units.js";
 
 const SVG = "http://www.w3.org/2000/svg";

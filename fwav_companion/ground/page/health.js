@@ -18,10 +18,13 @@ export function vehicleHealth(vehicle, now) {
   if (vehicle.contradicted) {
     return { level: "bad", word: "contradicted", text: `${since(vehicle.contradicted_unix)}: ${vehicle.contradicted}` };
   }
-  if (vehicle.ready === false) return { level: "warn", word: "not ready", text: `${since(vehicle.ready_unix)}: ${why(vehicle)}` };
+  if (vehicle.ready === false) {
+    return { level: "warn", word: "not ready", text: `${since(vehicle.ready_unix)}: ${why(vehicle)}` };
+  }
   if (vehicle.ready) return { level: "good", word: "ready", text: since(vehicle.ready_unix) };
-  const companion = vehicle.heard.companion === undefined ? "no companion is heard" : "not reported yet, or not since a silence";
-  return { level: "unknown", word: "readiness unknown", text: companion };
+  const heard = vehicle.heard.companion !== undefined;
+  const text = heard ? "not reported yet, or not since a silence" : "no companion is heard";
+  return { level: "unknown", word: "readiness unknown", text };
 }
 
 // What of a vehicle is silent, and since when; "" where nothing is.
@@ -45,7 +48,8 @@ export function fleetGlance(vehicles, now) {
   const well = judged.filter((each) => each.level === "good").length;
   const all = vehicles.length > 1 ? `${well} of ${vehicles.length} ready. ` : "";
   const text = worst.word === "silent" ? worst.text : `${worst.word} ${worst.text}`.trim();
-  return { level: worst.level, text: worst.level === "good" && all ? all.trim() : `${all}Vehicle ${worst.vehicle.id} ${text}` };
+  const named = worst.level === "good" && all ? "" : `Vehicle ${worst.vehicle.id} ${text}`;
+  return { level: worst.level, text: `${all}${named}`.trim() };
 }
 
 export function isGone(target, now) {
@@ -55,12 +59,17 @@ export function isGone(target, now) {
 // {level, text} of one target.
 export function targetGlance(target, vehicles, now) {
   if (!target) return { level: "unknown", text: "No target yet" };
-  const sure = target.radius95_m === null ? "accuracy unknown" : `95 % within ${target.bound ? "at most " : ""}${length(target.radius95_m)}`;
   const claim = contradiction(target, vehicles);
-  const found = `${name(target)}: ${sure}`;
+  const found = `${name(target)}: ${accuracy(target)}`;
   if (claim) return { level: "bad", text: `${found}, contradicted ${since(claim.unix)}: ${claim.text}` };
   if (isGone(target, now)) return { level: "unknown", text: `${found}, last seen ${since(target.seen_unix, now, "")}` };
-  return { level: target.radius95_m === null ? "unknown" : "good", text: `${found}, no contradiction known, ${since(target.first_unix)}` };
+  const level = target.radius95_m === null ? "unknown" : "good";
+  return { level, text: `${found}, no contradiction known, ${since(target.first_unix)}` };
+}
+
+export function accuracy(target) {
+  if (target.radius95_m === null) return "accuracy unknown";
+  return `95 % within ${target.bound ? "at most " : ""}${length(target.radius95_m)}`;
 }
 
 // {text, unix} of what contradicts a target's claim, by itself or by its vehicle; null where nothing does.
@@ -75,8 +84,12 @@ export function chosenTarget(picture, selected) {
   const known = picture.targets.get(selected);
   if (known) return known;
   const now = picture.now();
-  const rank = (target) => (isGone(target, now) ? 2e9 : target.state === "selected" ? -1 : 0) + (target.radius95_m ?? 1e9);
-  return [...picture.targets.values()].reduce((best, each) => (best && rank(best) <= rank(each) ? best : each), undefined);
+  const rank = (target) => {
+    const order = isGone(target, now) ? 2e9 : target.state === "selected" ? -1e9 : 0;
+    return order + (target.radius95_m ?? 1e8);
+  };
+  const better = (best, each) => (best && rank(best) <= rank(each) ? best : each);
+  return [...picture.targets.values()].reduce(better, undefined);
 }
 
 function since(unix, now, word = "since ") {

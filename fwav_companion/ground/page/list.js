@@ -1,7 +1,7 @@
 // The lists: targets, vehicles and texts. Rows are kept and only their texts change, so that a tap finds its row.
 import { offset } from "./ellipse.js";
 import { age, bearing, clock, name } from "./format.js";
-import { contradiction, isGone, isOld, OLD_S, vehicleHealth } from "./health.js";
+import { accuracy, contradiction, isGone, isOld, OLD_S, vehicleHealth } from "./health.js";
 import { height, length, place, speed } from "./units.js";
 
 const SEVERE = 4;
@@ -96,11 +96,6 @@ export function targetEntries(picture, point, selected) {
     });
 }
 
-export function accuracy(target) {
-  if (target.radius95_m === null) return "accuracy unknown";
-  return `95 % within ${target.bound ? "at most " : ""}${length(target.radius95_m)}`;
-}
-
 export function fromPoint(target, point) {
   if (!point) return "";
   const { north, east } = offset(point, [target.lat, target.lon]);
@@ -121,7 +116,7 @@ export function vehicleEntries(picture) {
       return {
         id: vehicle.id, title: `vehicle ${vehicle.id}`, tag: health.word, level: health.level,
         age: age(Math.max(0, now - vehicle.heard_unix)), old: isOld(vehicle.heard_unix, now), current: false,
-        colour: vehicle.number % 8,
+        colour: colourOf(vehicle),
         lines: [
           [{ text: health.text, level: health.level === "good" ? "" : health.level }],
           [{ text: vehicle.kind }, { text: armed(vehicle), unix: autopilot ?? companion ?? null },
@@ -130,7 +125,8 @@ export function vehicleEntries(picture) {
             : { text: place(vehicle.lat, vehicle.lon), unix: position ?? vehicle.heard_unix }],
           [{ text: vehicle.height_m === null ? "" : `${height(vehicle.height_m)} above home`, unix: position },
             { text: vehicle.speed_m_s === null ? "" : speed(vehicle.speed_m_s), unix: position },
-            { text: vehicle.heading_deg === null ? "" : `heading ${vehicle.heading_deg.toFixed(0)}°`, unix: attitude ?? position }],
+            { text: vehicle.heading_deg === null ? "" : `heading ${vehicle.heading_deg.toFixed(0)}°`,
+              unix: attitude ?? position }],
           [companion === undefined ? { text: "companion: not heard" }
             : { text: `companion: ${vehicle.companion ?? "heard"}`, unix: companion }],
           [{ text: vehicle.readiness, unix: readinessUnix(vehicle) }],
@@ -140,7 +136,7 @@ export function vehicleEntries(picture) {
     });
 }
 
-// A report of readiness holds as long as the parts that it is about are heard; after a silence it is what was said once.
+// A report of readiness holds while the parts that it is about are heard; after a silence it is what was said once.
 function readinessUnix(vehicle) {
   if (vehicle.ready === null) return Math.min(vehicle.heard.readiness ?? 0, (vehicle.ready_unix ?? 0) - OLD_S);
   const parts = ["autopilot", "companion"].map((part) => vehicle.heard[part]).filter((unix) => unix !== undefined);
@@ -150,9 +146,13 @@ function readinessUnix(vehicle) {
 export function textEntries(picture) {
   return [...picture.texts].reverse().map((text) => ({
     id: String(text.revision), title: text.text, tag: "", level: "", age: clock(text.time_unix), old: false,
-    current: false, colour: picture.vehicles.has(text.vehicle) ? picture.vehicles.get(text.vehicle).number % 8 : undefined,
+    current: false, colour: colourOf(picture.vehicles.get(text.vehicle)),
     lines: [[{ text: `vehicle ${text.vehicle}` }, { text: text.severity <= SEVERE ? "warning" : "", level: "bad" }]],
   }));
+}
+
+function colourOf(vehicle) {
+  return vehicle && vehicle.number % 8;
 }
 
 function armed(vehicle) {
