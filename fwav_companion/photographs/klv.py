@@ -8,7 +8,8 @@ differ. Signed items have their lowest value for "unknown" (ST 0601.8, "out of r
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import cos, degrees, radians, sin, tan
+from enum import StrEnum
+from math import cos, degrees, radians, sin
 from statistics import median
 from typing import Final
 
@@ -17,15 +18,30 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import euler_from_quaternion, multiply, quaternion_from_euler
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.photographs.srt import SubtitleRow
+from fwav_companion.photographs.telemetry_rows import TelemetryRow, focal_of_field, is_place
 
 KEY: Final = bytes.fromhex("060E2B34020B01010E01030101000000")
 CHECKSUM: Final = 1
 LARGEST_PACKET: Final = 1 << 16
-FILM_WIDTH_MM: Final = 36.0
+TIME, TIME_BYTES = 2, 8
+LEAP_SECONDS: Final = 136
+LEAP_S_SINCE_2017: Final = 37
+"""TAI minus UTC since 2017-01-01; no further leap second is announced (IERS Bulletin C)."""
+SINCE_2017_S: Final = 1_483_228_837.0
+"""2017-01-01 UTC in MISP time."""
 (PLATFORM_HEADING, PLATFORM_PITCH, PLATFORM_ROLL, LAT, LON, ALTITUDE, FIELD, AZIMUTH, ELEVATION, ROLL, CENTRE_LAT,
  CENTRE_LON, CENTRE_ALTITUDE, ELLIPSOID, FULL_PITCH, FULL_ROLL, LONG_ELLIPSOID) = (
     5, 6, 7, 13, 14, 15, 16, 18, 19, 20, 23, 24, 25, 75, 90, 91, 104)  # fmt: skip
+
+
+class TimeScale(StrEnum):
+    """What item 2 counts."""
+
+    AUTO = "auto"
+    """MISP time where the leap seconds (item 136) come with it, else UTC, as older and smaller encoders write it."""
+    UTC = "utc"
+    MISP = "misp"
+    """Atomic seconds since 1970 (ST 0603): UTC plus the leap seconds."""
 
 
 class SensorState(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,6 +57,18 @@ class SensorState(msgspec.Struct, frozen=True, kw_only=True):
     hfov_deg: float | None
     centre: tuple[float, float, float] | None
     """Latitude, longitude and altitude (above sea level) of the frame's centre, by the encoder's own computation."""
+    time_s: float | None = None
+    """Item 2, on the scale that the encoder chose."""
+    leap_s: int | None = None
+    """Item 136: what to take from ``time_s`` for UTC."""
+
+    def unix_time(self, scale: TimeScale) -> float | None:
+        """UTC; None without a time, or in MISP time from before 2017 without its leap seconds."""
+        if self.time_s is None or scale is TimeScale.UTC or (scale is TimeScale.AUTO and self.leap_s is None):
+            return self.time_s
+        if self.leap_s is None and self.time_s < SINCE_2017_S:
+            return None
+        return self.time_s - (LEAP_S_SINCE_2017 if self.leap_s is None else self.leap_s)
 
 
 def decode_packets(data: bytes) -> Iterator[SensorState]:
@@ -61,14 +89,13 @@ def decode_packets(data: bytes) -> Iterator[SensorState]:
         at = first + size
 
 
-def row_of(state: SensorState, at_s: float) -> SubtitleRow | None:
+def row_of(state: SensorState, at_s: float, scale: TimeScale = TimeScale.AUTO) -> TelemetryRow | None:
     """The state as telemetry at a time of the video; None without a place."""
-    if state.lat_deg is None or state.lon_deg is None or (state.lat_deg, state.lon_deg) == (0.0, 0.0):
+    if not is_place(state.lat_deg, state.lon_deg):
         return None
     on_ellipsoid = state.ellipsoid_m is not None
     altitude = state.ellipsoid_m if on_ellipsoid else state.amsl_m
-    field = state.hfov_deg
-    return SubtitleRow(
+    return TelemetryRow(
         at_s=at_s,
         until_s=at_s,
         lat_deg=state.lat_deg,
@@ -76,7 +103,8 @@ def row_of(state: SensorState, at_s: float) -> SubtitleRow | None:
         absolute_m=altitude,
         absolute_datum=None if altitude is None else AltDatum.ELLIPSOID if on_ellipsoid else AltDatum.EGM96,
         angles_deg=state.angles_deg,
-        focal_35mm=0.5 * FILM_WIDTH_MM / tan(radians(0.5 * field)) if field is not None and 0.1 < field < 170 else None,
+        focal_35mm=focal_of_field(state.hfov_deg),
+        time_unix=state.unix_time(scale),
     )
 
 
@@ -189,6 +217,7 @@ def _state(values: dict[int, bytes]) -> SensorState:
         decoded = (DECODERS[tag](values[tag]) for tag in tags if tag in values)
         return next((value for value in decoded if value is not None), None)
 
+    leaps = values.get(LEAP_SECONDS, b"")
     centre = of(CENTRE_LAT), of(CENTRE_LON), of(CENTRE_ALTITUDE)
     return SensorState(
         lat_deg=of(LAT),
@@ -201,6 +230,8 @@ def _state(values: dict[int, bytes]) -> SensorState:
         ),
         hfov_deg=of(FIELD),
         centre=None if None in centre else centre,  # type: ignore[arg-type]
+        time_s=int.from_bytes(values[TIME], "big") * 1e-6 if len(values.get(TIME, b"")) == TIME_BYTES else None,
+        leap_s=int.from_bytes(leaps, "big", signed=True) if 0 < len(leaps) <= TIME_BYTES else None,
     )
 
 

@@ -47,6 +47,17 @@ class PoseSigmas(msgspec.Struct, frozen=True, kw_only=True):
     """Rotation about down, shared by all pictures."""
 
 
+class PoseMotion(msgspec.Struct, frozen=True, kw_only=True):
+    """How a pose of a video changes with time, and how late its telemetry may be."""
+
+    velocity_ned: tuple[float, float, float]
+    """Metres a second."""
+    turn: tuple[float, float, float]
+    """Rotation vector about the gimbal's axes (forward, right, down), radians a second."""
+    delay_sigma_s: float
+    """One sigma of the telemetry's delay against the pictures, shared by the whole video."""
+
+
 class PicturePose(msgspec.Struct, frozen=True, kw_only=True):
     """Position and attitude of the camera of one picture."""
 
@@ -65,6 +76,8 @@ class PicturePose(msgspec.Struct, frozen=True, kw_only=True):
     sigmas: PoseSigmas
     layout: str
     """Whose tags the pose is from."""
+    motion: PoseMotion | None = None
+    """None for a photograph: its pose is of its own instant."""
     notes: tuple[str, ...] = ()
     """What was assumed or corrected."""
 

@@ -1,8 +1,9 @@
-"""Telemetry in the subtitles (.SRT) of DJI's videos, in the layouts from 2017 to today. PURE.
+"""Telemetry in the subtitles of videos: DJI's .SRT from 2017 to today, Autel's .ASS and text tracks. PURE.
 
 Known layouts: GPS(lon,lat,n) BAROMETER:x of the Mavic Pro, once a second; GPS(lat,lon,0.0M) of the M300; one line with
 F/, SS, GPS (lon, lat, n), D, H of the Phantom 4, Mini and Mavic 2, some with G.PRY (pitch, roll, yaw); brackets with
-latitude, longitude (also "longtitude"), altitude or rel_alt and abs_alt, newer ones with gb_yaw, gb_pitch, gb_roll.
+latitude, longitude (also "longtitude"), altitude or rel_alt and abs_alt, newer ones with gb_yaw, gb_pitch, gb_roll;
+Autel's GPS(W: lon, N: lat, alt) ReH:x, with letters beside or in place of signs.
 Cue times are the video's. Read by key, as firmwares differ in spaces and in the decimal sign.
 """
 
@@ -12,17 +13,24 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-import msgspec
-
 from fwav_companion.errors import InputFileError
-from fwav_companion.photographs.picture_pose import AltDatum
+from fwav_companion.photographs.telemetry_rows import TelemetryRow, is_place
 
 CUE: Final = re.compile(r"(\d{1,3}):(\d{2}):(\d{2})[,.](\d{1,3})\s*-->\s*(\d{1,3}):(\d{2}):(\d{2})[,.](\d{1,3})")
+DIALOGUE: Final = re.compile(
+    r"^Dialogue:[^,\n]*,\s*(\d{1,3}):(\d{2}):(\d{2})[.,](\d{1,3}),\s*(\d{1,3}):(\d{2}):(\d{2})[.,](\d{1,3}),",
+    re.MULTILINE,
+)
 NUMBER: Final = r"[-+]?\d+(?:\.\d+)?"
 PAIR: Final = re.compile(rf"([A-Za-z_]+)\s*:\s*({NUMBER})")
 GPS: Final = re.compile(rf"GPS\s*\(\s*({NUMBER})\s*,\s*({NUMBER})\s*(?:,\s*({NUMBER})\s*(M?))?\s*\)")
+LETTERED: Final = re.compile(
+    rf"GPS\s*\(\s*([EW])\s*:\s*({NUMBER})\s*,\s*([NS])\s*:\s*({NUMBER})\s*(?:,\s*({NUMBER})\s*m?)?\s*\)", re.IGNORECASE
+)
+BROKEN_SIGN: Final = re.compile(r"(\d\.)-(\d)")
+"""Autel's firmware writes -117.9605 as -117.-9605."""
 HEIGHT: Final = re.compile(rf"\bH\s+({NUMBER})\s*m\b")
-BAROMETER: Final = re.compile(rf"\b(?:BAROMETER|Hb)\s*:\s*({NUMBER})")
+BAROMETER: Final = re.compile(rf"\b(?:BAROMETER|Hb|ReH)\s*:\s*({NUMBER})")
 GIMBAL: Final = re.compile(rf"G\.PRY\s*\(\s*({NUMBER})\D+?({NUMBER})\D+?({NUMBER})\D*?\)")
 MOST_ROWS: Final = 2_000_000
 """Rows of nine hours of video at 60 frames/s."""
@@ -30,38 +38,43 @@ TENTHS_FROM: Final = 100.0
 """focal_len above this is in tenths of a millimetre: 240 is 24.0 mm."""
 
 
-class SubtitleRow(msgspec.Struct, frozen=True, kw_only=True):
-    """What one subtitle says; None for what it does not."""
-
-    at_s: float
-    """Start of the cue, in seconds of the video."""
-    until_s: float
-    lat_deg: float | None = None
-    lon_deg: float | None = None
-    above_takeoff_m: float | None = None
-    absolute_m: float | None = None
-    absolute_datum: AltDatum | None = None
-    """Datum of the absolute altitude; None: the layout does not state it."""
-    angles_deg: tuple[float, float, float] | None = None
-    """Roll, pitch and yaw of the gimbal; pitch 0 is the horizon."""
-    focal_35mm: float | None = None
-    """35 mm equivalent focal length, millimetres, zoom included."""
-
-
-def parse_srt(text: str, name: str) -> list[SubtitleRow]:
-    """The rows that have a place. InputFileError where none has."""
+def parse_srt(text: str, name: str) -> list[TelemetryRow]:
+    """The rows of a .SRT or .ASS that have a place. InputFileError where none has."""
     text = text.removeprefix("\ufeff").replace("\r", "")
     rows = [row for row in _rows(text) if row.lat_deg is not None]
     if not rows:
-        raise InputFileError(f"{name}: no subtitle in it has a position; accepted: the .SRT of a DJI drone")
+        raise InputFileError(
+            f"{name}: no subtitle in it has a position; accepted: the .SRT of a DJI drone, Autel's .ASS"
+        )
     return sorted(rows[:MOST_ROWS], key=lambda row: row.at_s)
 
 
-def _rows(text: str) -> Iterator[SubtitleRow]:
-    cues = list(CUE.finditer(text))
+def subtitle_row(at_s: float, until_s: float, body: str) -> TelemetryRow:
+    """What one subtitle says."""
+    body = BROKEN_SIGN.sub(r"\1\2", body.replace(r"\N", "\n"))
+    pairs = {key.lower(): float(value) for key, value in PAIR.findall(body)}
+    lat, lon, absolute = _place(pairs, body)
+    height, barometer = HEIGHT.search(body), BAROMETER.search(body)
+    above = pairs.get("rel_alt")
+    if above is None and (height or barometer):
+        above = float((height or barometer)[1])  # type: ignore[index]
+    return TelemetryRow(
+        at_s=at_s,
+        until_s=until_s,
+        lat_deg=lat,
+        lon_deg=lon,
+        above_takeoff_m=above,
+        absolute_m=pairs.get("abs_alt", pairs.get("altitude", absolute)),
+        angles_deg=_angles(pairs, body),
+        focal_35mm=_focal(pairs),
+    )
+
+
+def _rows(text: str) -> Iterator[TelemetryRow]:
+    cues = list(CUE.finditer(text)) or list(DIALOGUE.finditer(text))
     for cue, following in zip(cues, [*cues[1:], None], strict=False):
         body = text[cue.end() : len(text) if following is None else following.start()]
-        yield _row(_seconds(cue.groups()[:4]), _seconds(cue.groups()[4:]), body)
+        yield subtitle_row(_seconds(cue.groups()[:4]), _seconds(cue.groups()[4:]), body)
 
 
 def _seconds(parts: tuple[str, ...]) -> float:
@@ -69,37 +82,21 @@ def _seconds(parts: tuple[str, ...]) -> float:
     return int(hours) * 3600.0 + int(minutes) * 60.0 + int(seconds) + int(fraction.ljust(3, "0")) * 1e-3
 
 
-def _row(at_s: float, until_s: float, body: str) -> SubtitleRow:
-    pairs = {key.lower(): float(value) for key, value in PAIR.findall(body)}
-    place = _place(pairs, body)
-    height, barometer = HEIGHT.search(body), BAROMETER.search(body)
-    above = pairs.get("rel_alt")
-    if above is None and (height or barometer):
-        above = float((height or barometer)[1])  # type: ignore[index]
-    return SubtitleRow(
-        at_s=at_s,
-        until_s=until_s,
-        lat_deg=None if place is None else place[0],
-        lon_deg=None if place is None else place[1],
-        above_takeoff_m=above,
-        absolute_m=pairs.get("abs_alt", pairs.get("altitude")),
-        angles_deg=_angles(pairs, body),
-        focal_35mm=_focal(pairs),
-    )
-
-
-def _place(pairs: Mapping[str, float], body: str) -> tuple[float, float] | None:
-    """Latitude and longitude; 0, 0 is no place. In GPS(...) longitude comes first, but where the third is metres."""
-    lat, lon = pairs.get("latitude"), pairs.get("longitude", pairs.get("longtitude"))
-    if lat is None or lon is None:
+def _place(pairs: Mapping[str, float], body: str) -> tuple[float | None, float | None, float | None]:
+    """Latitude, longitude, absolute altitude. In GPS(...) longitude comes first, but where the third is metres."""
+    lat, lon, absolute = pairs.get("latitude"), pairs.get("longitude", pairs.get("longtitude")), None
+    lettered = LETTERED.search(body)
+    if lettered is not None:
+        lon, lat = abs(float(lettered[2])), abs(float(lettered[4]))
+        lon, lat = (-lon if lettered[1] in "Ww" else lon), (-lat if lettered[3] in "Ss" else lat)
+        absolute = None if lettered[5] is None else float(lettered[5])
+    elif lat is None or lon is None:
         found = GPS.search(body)
         if found is None:
-            return None
+            return None, None, None
         first, second = float(found[1]), float(found[2])
         lat, lon = (first, second) if found[4] else (second, first)
-    if (lat, lon) == (0.0, 0.0) or abs(lat) > 90.0 or abs(lon) > 180.0:
-        return None
-    return lat, lon
+    return (lat, lon, absolute) if is_place(lat, lon) else (None, None, None)
 
 
 def _angles(pairs: Mapping[str, float], body: str) -> tuple[float, float, float] | None:

@@ -16,15 +16,25 @@ from fwav_companion.geometry.rotations import (
     multiply,
     quaternion_from_euler,
 )
-from fwav_companion.geometry.vectors import norm, scale
+from fwav_companion.geometry.vectors import ZERO3, Vector3, norm, scale
 from fwav_companion.photographs.makers import BAROMETER, CONSUMER, GNSS_HEIGHT, UNRELIABLE
-from fwav_companion.photographs.picture_pose import AltDatum, Altitude, NoPose, PicturePose, PoseSigmas, Sigma
-from fwav_companion.photographs.srt import SubtitleRow
+from fwav_companion.photographs.picture_pose import (
+    AltDatum,
+    Altitude,
+    NoPose,
+    PicturePose,
+    PoseMotion,
+    PoseSigmas,
+    Sigma,
+)
+from fwav_companion.photographs.telemetry_rows import TelemetryRow
 
-TIME_SIGMA_S: Final = 0.5
-"""One sigma of the telemetry's time against the picture's, where it comes once a second."""
-FRAME_TIME_SIGMA_S: Final = 0.1
+DELAY_SIGMA_S: Final = 0.5
+"""One sigma of the telemetry's delay against the pictures, shared by a video, where it comes once a second."""
+FRAME_DELAY_SIGMA_S: Final = 0.1
 """The same where it comes with every frame: DJI's latency is not published."""
+JITTER_PER_INTERVAL: Final = 0.1
+"""One sigma of a row's own time, in intervals of rows: DiffTime jitters by 1 ms in 17; samples are not resampled."""
 SLOW_S: Final = 0.5
 """Interval of rows from which the telemetry counts as once a second."""
 LONGEST_GAP_S: Final = 3.0
@@ -32,7 +42,7 @@ METRES_PER_DEGREE: Final = 111_320.0
 
 
 def pose_at(
-    rows: Sequence[SubtitleRow], at_s: float, angles_deg: tuple[float, float, float] | None
+    rows: Sequence[TelemetryRow], at_s: float, angles_deg: tuple[float, float, float] | None
 ) -> PicturePose | NoPose:
     """The pose at a time of the video. ``angles_deg``: for layouts without gimbal angles."""
     index = bisect_right(rows, at_s, key=lambda row: row.at_s)
@@ -41,7 +51,7 @@ def pose_at(
         return NoPose(f"no telemetry within {LONGEST_GAP_S:g} s of {at_s:g} s")
     span = after.at_s - before.at_s
     part = 0.0 if span <= 0.0 else min(1.0, max(0.0, (at_s - before.at_s) / span))
-    turn_rate = 0.0
+    turn = ZERO3
     given = angles_deg
     if given is None:
         if before.angles_deg is None or after.angles_deg is None:
@@ -49,17 +59,22 @@ def pose_at(
         turn = log(multiply(conjugate(_attitude(before)), _attitude(after)))
         roll, pitch, yaw = euler_from_quaternion(multiply(_attitude(before), exp(scale(turn, part))))
         given = (degrees(roll), degrees(pitch), degrees(yaw))
-        turn_rate = norm(turn) / span if span > 0.0 else 0.0
-    speed = _distance_m(before, after) / span if span > 0.0 else 0.0
-    time_sigma_s = TIME_SIGMA_S if span > SLOW_S else FRAME_TIME_SIGMA_S
-    own = CONSUMER.attitude_deg
-    sigmas = PoseSigmas(
-        position_m=Sigma(hypot(CONSUMER.position_m.own, speed * time_sigma_s), CONSUMER.position_m.shared),
-        attitude_deg=Sigma(hypot(own.own, degrees(turn_rate) * time_sigma_s), own.shared),
-        heading_deg=CONSUMER.heading_deg,
-    )
     above = _between(before.above_takeoff_m, after.above_takeoff_m, part)
     absolute = _between(before.absolute_m, after.absolute_m, part)
+    per_s = 1.0 / span if span > 0.0 else 0.0
+    motion = PoseMotion(
+        velocity_ned=scale(_way_ned(before, after), per_s),
+        turn=scale(turn, per_s),
+        delay_sigma_s=DELAY_SIGMA_S if _interval_s(rows) > SLOW_S else FRAME_DELAY_SIGMA_S,
+    )
+    jitter_s, own = JITTER_PER_INTERVAL * span, CONSUMER.attitude_deg
+    sigmas = PoseSigmas(
+        position_m=Sigma(
+            hypot(CONSUMER.position_m.own, norm(motion.velocity_ned) * jitter_s), CONSUMER.position_m.shared
+        ),
+        attitude_deg=Sigma(hypot(own.own, degrees(norm(motion.turn)) * jitter_s), own.shared),
+        heading_deg=CONSUMER.heading_deg,
+    )
     return PicturePose(
         lat_deg=_known(before.lat_deg) + part * (_known(after.lat_deg) - _known(before.lat_deg)),
         lon_deg=_known(before.lon_deg) + part * (_known(after.lon_deg) - _known(before.lon_deg)),
@@ -70,7 +85,8 @@ def pose_at(
         above_takeoff=None if above is None else Altitude(above, AltDatum.TAKEOFF, BAROMETER),
         sigmas=sigmas,
         layout="video telemetry",
-        notes=(f"telemetry's time within {time_sigma_s:g} s",),
+        motion=motion,
+        notes=(f"telemetry's delay within {motion.delay_sigma_s:g} s",),
     )
 
 
@@ -81,7 +97,7 @@ def _absolute(metres: float, datum: AltDatum | None) -> Altitude:
     return Altitude(metres, datum, GNSS_HEIGHT)
 
 
-def _attitude(row: SubtitleRow) -> Quaternion:
+def _attitude(row: TelemetryRow) -> Quaternion:
     roll, pitch, yaw = row.angles_deg or (0.0, 0.0, 0.0)
     return quaternion_from_euler(radians(roll), radians(pitch), radians(yaw))
 
@@ -94,8 +110,16 @@ def _known(value: float | None) -> float:
     return 0.0 if value is None else value
 
 
-def _distance_m(before: SubtitleRow, after: SubtitleRow) -> float:
+def _interval_s(rows: Sequence[TelemetryRow]) -> float:
+    """The mean interval of the rows, seconds."""
+    return (rows[-1].at_s - rows[0].at_s) / (len(rows) - 1) if len(rows) > 1 else 1.0
+
+
+def _way_ned(before: TelemetryRow, after: TelemetryRow) -> Vector3:
+    """From one row's place to the next one's, metres."""
     lat = _known(before.lat_deg)
     north = (_known(after.lat_deg) - lat) * METRES_PER_DEGREE
     east = (_known(after.lon_deg) - _known(before.lon_deg)) * METRES_PER_DEGREE * cos(radians(lat))
-    return hypot(north, east)
+    above = before.above_takeoff_m, after.above_takeoff_m
+    lower, upper = above if None not in above else (before.absolute_m, after.absolute_m)
+    return (north, east, 0.0 if lower is None or upper is None else lower - upper)

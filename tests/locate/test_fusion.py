@@ -17,7 +17,7 @@ from fwav_companion.tools.locate.surfaces import FlatSurface
 
 WIDTH, HEIGHT, FOCAL = 4000, 3000, 3000.0
 LENS = BrownConrady((FOCAL, FOCAL), ((WIDTH - 1) / 2, (HEIGHT - 1) / 2), (), (WIDTH, HEIGHT))
-SHARED = np.array([2.0, 2.0, 3.0, *np.radians([0.5, 0.5, 0.5]), np.radians(3.0), 0.01])
+SHARED = np.array([2.0, 2.0, 3.0, *np.radians([0.5, 0.5, 0.5]), np.radians(3.0), 0.01, 0.5])
 OWN_M, OWN_ANGLE, RELIEF_M = 1.0, np.radians(0.3), 4.0
 FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -34,8 +34,12 @@ def seen(at: np.ndarray, axes: np.ndarray, target: np.ndarray, focal: float = FO
     return focal * x / z + (WIDTH - 1) / 2, focal * y / z + (HEIGHT - 1) / 2
 
 
-def shot(name: str, at: np.ndarray, axes: np.ndarray) -> Shot:
+STILL = np.zeros(3)
+
+
+def shot(name: str, at: np.ndarray, axes: np.ndarray, velocity: np.ndarray = STILL, turn: np.ndarray = STILL) -> Shot:
     return Shot(
+        velocity_ned=tuple(map(float, velocity)), turn=tuple(map(float, turn)),
         name=name, camera_ned=tuple(map(float, at)), ned_from_camera=tuple(tuple(map(float, row)) for row in axes),
         lens=LENS, own_position_m=OWN_M, own_height_m=OWN_M, own_attitude=float(OWN_ANGLE),
     )  # fmt: skip
@@ -44,7 +48,7 @@ def shot(name: str, at: np.ndarray, axes: np.ndarray) -> Shot:
 def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.ndarray, SightsEstimate]:
     """(error of the place, the estimate) of one target in ``count`` pictures; shared errors are one draw for all."""
     target = np.array([*rng.uniform(-5, 5, 2), rng.normal() * RELIEF_M])
-    shared = rng.normal(size=8) * SHARED * scale
+    shared = rng.normal(size=9) * SHARED * scale
     shots, sights = [], []
     while len(shots) < count:
         at, axes = camera(rng.uniform(0, 360), rng.uniform(40, 90), rng.uniform(40, 120))
@@ -52,10 +56,11 @@ def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.nd
         u, v = np.array(seen(at, axes, target, FOCAL / (1.0 + shared[7]))) + rng.normal(size=2)
         if not (0 <= u < WIDTH and 0 <= v < HEIGHT):
             continue
-        moved = at + np.array([shared[0] + own[0], shared[1] + own[1], -(shared[2] + own[2])])
+        velocity, turn = rng.normal(size=3) * (3.0, 3.0, 0.5), rng.normal(size=3) * np.radians(2.0)
+        moved = at + np.array([shared[0] + own[0], shared[1] + own[1], -(shared[2] + own[2])]) + velocity * shared[8]
         turned = Rotation.from_rotvec([0, 0, shared[6]]).as_matrix() @ axes
-        turned = turned @ Rotation.from_rotvec(shared[3:6] + own[3:]).as_matrix()
-        shots.append(shot(str(len(shots)), moved, turned))
+        turned = turned @ Rotation.from_rotvec(shared[3:6] + own[3:] + turn * shared[8]).as_matrix()
+        shots.append(shot(str(len(shots)), moved, turned, velocity, turn))
         sights.append(Sight(len(shots) - 1, (u, v), "t"))
     estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
     assert isinstance(estimate, SightsEstimate)
@@ -106,6 +111,22 @@ def test_heading_error_of_a_flight_is_found_from_two_sides() -> None:
     assert np.linalg.norm(estimate.places[0].ned[:2]) < 1.0
     for sight, shown in zip(sights, estimate.places[0].residuals, strict=True):
         assert shown.pixel == pytest.approx(sight.pixel, abs=40.0)  # the heading alone moves it by 240 px
+
+
+def test_delay_of_a_video_is_found_from_two_directions_of_flight() -> None:
+    delay_s, shots, sights = 0.8, [], []
+    for index, azimuth in enumerate((0.0, 90.0, 180.0, 270.0)):
+        at, axes = camera(azimuth, 60.0, 80.0)
+        across = np.radians(azimuth + (90.0 if index < 2 else -90.0))  # else the delay looks like a heading error
+        velocity = np.array([10.0 * np.cos(across), 10.0 * np.sin(across), 0.0])
+        shots.append(shot(str(index), at + velocity * delay_s, axes, velocity))
+        sights.append(Sight(index, seen(at, axes, np.zeros(3)), "t"))
+    estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
+    assert isinstance(estimate, SightsEstimate)
+    (found,) = [each for each in estimate.shared if each.error is SharedError.DELAY]
+    assert found.value == pytest.approx(delay_s, abs=3.0 * found.sigma)
+    assert found.sigma < 0.2
+    assert np.linalg.norm(estimate.places[0].ned[:2]) < 1.0
 
 
 def test_wrong_click_among_pictures_is_named() -> None:

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.cli.main import main
-from fwav_companion.photographs.klv import centre_residual_m, decode_packets
+from fwav_companion.photographs.klv import TimeScale, centre_residual_m, decode_packets
 from tests.support.maker_pictures import place_below, true_picture
 
 pytest.importorskip("stanag4609")
@@ -78,6 +78,15 @@ def test_centre_of_the_frame_shows_angles_in_another_convention():
     assert centre_residual_m(right) < 0.5
     (wrong,) = decode_packets(packet(_23=float(lat), _24=float(lon), _25=float(height), _18=77.0))
     assert centre_residual_m(wrong) > 50.0
+
+
+@pytest.mark.parametrize(
+    ("leaps", "scale", "taken"),
+    [(None, "auto", 0), (None, "utc", 0), (None, "misp", 37), (37, "auto", 37), (37, "utc", 0), (30, "misp", 30)],
+)
+def test_time_of_a_packet_is_utc_by_its_scale(leaps: int | None, scale: str, taken: int):
+    (state,) = decode_packets(packet(_136=leaps))
+    assert state.unix_time(TimeScale(scale)) == pytest.approx(1_700_000_000.0 - taken, abs=1e-6)
 
 
 def write_stream(path: Path, packets: list[bytes]) -> None:

@@ -31,6 +31,7 @@ CAUSES: Final = {
     "heading": "the heading",
     "focal": "the focal length",
     "ground": "the ground's height",
+    "delay": "the delay of the video's telemetry",
 }
 
 
@@ -222,8 +223,10 @@ def _pixel_outline(prediction: PixelPrediction) -> list[tuple[float, float]]:
 def _unit(error: SharedError) -> str:
     if error is SharedError.FOCAL:
         return "%"
+    if error is SharedError.DELAY:
+        return "s"
     return "deg" if error >= SharedError.MOUNT_X else "m"
 
 
 def _in_unit(error: SharedError, value: float) -> float:
-    return value * {"%": 100.0, "deg": degrees(1.0), "m": 1.0}[_unit(error)]
+    return value * {"%": 100.0, "deg": degrees(1.0), "m": 1.0, "s": 1.0}[_unit(error)]

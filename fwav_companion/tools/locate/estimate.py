@@ -278,7 +278,7 @@ class _Problem:
         shared = np.sum(gain_rows[:, : self.shared] ** 2, axis=0) / safe  # (8 groups,)
         by_error = shared.reshape(-1, SHARED_COUNT).sum(axis=0)
         position, height, mount = by_error[:2].sum(), by_error[2], by_error[3:6].sum()
-        parts = (pixel, place, attitude, position, height, mount, by_error[6], by_error[7], ground)
+        parts = (pixel, place, attitude, position, height, mount, by_error[6], by_error[7], ground, by_error[8])
         return Budget(*(scaled * sqrt(float(part)) for part in parts))
 
     def _shared_estimates(self) -> tuple[SharedEstimate, ...]:

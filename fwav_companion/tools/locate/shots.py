@@ -29,6 +29,8 @@ class SharedError(IntEnum):
     """Small rotation about down, radians."""
     FOCAL = 7
     """Focal length, relative."""
+    DELAY = 8
+    """Delay of a video's telemetry against its pictures, seconds."""
 
 
 SHARED_COUNT = len(SharedError)
@@ -46,6 +48,10 @@ class Shot(msgspec.Struct, frozen=True, kw_only=True):
     own_height_m: float
     own_attitude: float
     """One sigma of this picture's own rotation error about each camera axis, radians."""
+    velocity_ned: Vector3 = (0.0, 0.0, 0.0)
+    """Of the camera, metres a second; 0 for a photograph, whose pose is of its own instant."""
+    turn: Vector3 = (0.0, 0.0, 0.0)
+    """Rotation vector about the camera's axes (x right, y down, z forward), radians a second."""
     group: int = 0
     """Index of the group whose shared errors this picture has: pictures of one camera on one flight."""
 
@@ -72,6 +78,7 @@ class Budget(msgspec.Struct, frozen=True):
     heading: float
     focal: float
     ground: float
+    delay: float = 0.0
 
     def dominant(self) -> tuple[str, float]:
         """The largest cause and its share of the variance."""

@@ -6,6 +6,7 @@ the target, c the camera, R ned_from_camera, p = R^T (X - c), for errors that ar
     d e / d X       =  T R^T / |p|          d e / d position =  T R^T / |p|
     d e / d mount   = -T [d]x               d e / d heading  =  T R^T (z x (X - c)) / |p|
     d e / d focal   = -T (dm/du (u - u0) + dm/dv (v - v0))
+    d e / d delay   = (d e / d position) velocity + (d e / d mount) turn
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class SightCamera:
     def __init__(self, shot: Shot, sights: Sequence[Sight], rays: Sequence[Ray], targets: Sequence[int]) -> None:
         self.shot, self.sights, self.targets = shot, sights, targets
         self.centre: Array = np.array(shot.camera_ned)
+        self.velocity: Array = np.array(shot.velocity_ned)
+        self.turn: Array = np.array(shot.turn)
         self.rotation: Array = np.array(shot.ned_from_camera)  # (3, 3)
         self.across, self.noise, self.by_focal = [], [], []
         axis = shot.lens.pixel_from_camera_point((0.0, 0.0, 1.0))
@@ -48,7 +51,8 @@ class SightCamera:
         """Camera position and ned_from_camera less the shared errors of a state: truth = estimate - error."""
         first = self.shot.group * SHARED_COUNT
         s = state[first : first + SHARED_COUNT]
-        return self.centre - np.array([s[0], s[1], -s[2]]), _turned(s[6]).T @ self.rotation @ _exp(s[3:6]).T
+        centre = self.centre - np.array([s[0], s[1], -s[2]]) - self.velocity * s[8]
+        return centre, _turned(s[6]).T @ self.rotation @ _exp(s[3:6] + self.turn * s[8]).T
 
     def rows(self, state: Array, places: Sequence[slice]) -> Rows:
         """The linear equations of the k sights at a state of n numbers; ``places``: of each target in the state."""
@@ -70,6 +74,7 @@ class SightCamera:
             jacobian[rows, first + 3 : first + 6] = by_turn
             jacobian[rows, first + 6] = by_place @ np.array([-apart[1], apart[0], 0.0])
             jacobian[rows, first + 7] = -by_focal
+            jacobian[rows, first + 8] = by_place @ self.velocity + by_turn @ self.turn
             by_own[rows, :3], by_own[rows, 3:] = by_place * np.array([1.0, 1.0, -1.0]), by_turn
             covariance[rows, rows] = noise
         return e, jacobian, covariance + by_own * self.own @ by_own.T, by_own

@@ -12,29 +12,24 @@ import msgspec
 
 from fwav_companion.camera import BrownConrady
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import content
-from fwav_companion.photographs.airdata import parse_airdata
-from fwav_companion.photographs.klv import centre_notes
-from fwav_companion.photographs.klv_stream import klv_rows
 from fwav_companion.photographs.picture_pose import NoPose
-from fwav_companion.photographs.srt import SubtitleRow, parse_srt
+from fwav_companion.photographs.telemetry_rows import FILM_WIDTH_MM, TelemetryRow
 from fwav_companion.photographs.video_poses import pose_at
+from fwav_companion.photographs.video_telemetry import video_telemetry
 from fwav_companion.tools.locate.photographs import GIVEN_FIELD_SIGMA, CameraOptions, Photograph
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".ts", ".mpg", ".mpeg", ".m2ts")
 VIDEO_FOCAL_SIGMA = 0.07
 """One sigma of the subtitle's focal length times zoom: video modes crop the sensor."""
-FILM_WIDTH_MM = 36.0
-OTHER_VIDEO_S = 2.0
-"""Difference of the lengths of video and telemetry beyond which they do not belong together, seconds."""
 
 
 def video_photographs(path: Path, times_s: Sequence[float], options: CameraOptions) -> list[Photograph]:
     """One photograph for each time of the video, named ``VIDEO@SECONDS``. InputFileError says what is missing."""
     size, length_s = _size_and_length(path)
-    rows, notes = _telemetry(path, length_s)
-    found = [_photograph(path, at_s, size, length_s, rows, options) for at_s in times_s]
-    return [msgspec.structs.replace(each, notes=(*each.notes, *notes)) for each in found]
+    telemetry = video_telemetry(path, length_s)
+    found = [_photograph(path, at_s, size, length_s, telemetry.rows, options) for at_s in times_s]
+    said = (f"telemetry by {telemetry.source}", *telemetry.notes)
+    return [msgspec.structs.replace(each, notes=(*each.notes, *said)) for each in found]
 
 
 def video_length_s(path: Path) -> float:
@@ -73,33 +68,12 @@ def _size_and_length(path: Path) -> tuple[tuple[int, int], float]:
     return size, frames / rate
 
 
-def _telemetry(path: Path, length_s: float) -> tuple[list[SubtitleRow], tuple[str, ...]]:
-    """The rows of the .SRT or .csv beside the video, or of the KLV in it, and notes."""
-    suffixes = (".SRT", ".srt", ".csv", ".CSV")
-    beside = [each for suffix in suffixes if (each := path.with_suffix(suffix)).is_file()]
-    if not beside:
-        rows, states = klv_rows(path)
-        if rows:
-            return rows, centre_notes(states)
-        raise InputFileError(
-            f"{path}: no {path.stem}.SRT or .csv of Airdata beside it; embedded tracks are not read: "
-            "exiftool -ee gives DJI's as text"
-        )
-    parse = parse_srt if beside[0].suffix.lower() == ".srt" else parse_airdata
-    rows = parse(content(beside[0]).decode("utf-8", "replace"), str(beside[0]))
-    if length_s > 0.0 and abs(rows[-1].until_s - length_s) > OTHER_VIDEO_S:
-        raise InputFileError(
-            f"{beside[0]}: it ends at {rows[-1].until_s:.1f} s, the video at {length_s:.1f} s: another video's"
-        )
-    return rows, ()
-
-
 def _photograph(
     path: Path,
     at_s: float,
     size: tuple[int, int],
     length_s: float,
-    rows: Sequence[SubtitleRow],
+    rows: Sequence[TelemetryRow],
     options: CameraOptions,
 ) -> Photograph:
     if at_s > length_s:
@@ -127,7 +101,7 @@ def _photograph(
 
 
 def _focal(
-    path: Path, at_s: float, size: tuple[int, int], rows: Sequence[SubtitleRow], options: CameraOptions
+    path: Path, at_s: float, size: tuple[int, int], rows: Sequence[TelemetryRow], options: CameraOptions
 ) -> tuple[float, float, str]:
     """(focal length in pixels, its relative sigma, where it is from)."""
     if options.hfov_deg is not None:
@@ -136,4 +110,4 @@ def _focal(
     if row.focal_35mm is None:
         raise InputFileError(f"{path}: its telemetry has no focal length; give --hfov DEG or --camera FILE")
     focal = size[0] * row.focal_35mm / FILM_WIDTH_MM
-    return focal, VIDEO_FOCAL_SIGMA, f"focal length by the .SRT, within {VIDEO_FOCAL_SIGMA:.0%}"
+    return focal, VIDEO_FOCAL_SIGMA, f"focal length by the telemetry, within {VIDEO_FOCAL_SIGMA:.0%}"

@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import ElevationModel
 from fwav_companion.photographs.picture_pose import AltDatum, PicturePose, PoseSigmas, Sigma
 from fwav_companion.tools.locate.heights import VerticalScale, ground_sigma_m
@@ -48,6 +49,7 @@ class Configured(msgspec.Struct, frozen=True, kw_only=True):
     mount_bias_deg: float | None = None
     heading_bias_deg: float | None = None
     terrain_m: float | None = None
+    time_offset_sigma_s: float | None = None
 
 
 def make_world(
@@ -63,13 +65,17 @@ def make_world(
     configured = configured or Configured()
     first = pictures[0].pose
     plane = TangentPlane(Geodetic.from_degrees(first.lat_deg, first.lon_deg, 0.0))
-    groups: dict[tuple[str, float, float], int] = {}
+    groups: dict[tuple[str, float, float, float], int] = {}
     shots, shared = [], []
     for picture, height in zip(pictures, scale.heights, strict=True):
-        key = (picture.pose.layout, height.sigma.shared, picture.focal_sigma)
+        motion = picture.pose.motion
+        delay_sigma_s = 0.0 if motion is None else motion.delay_sigma_s
+        key = (picture.pose.layout, height.sigma.shared, picture.focal_sigma, delay_sigma_s)
         if key not in groups:
             groups[key] = len(groups)
-            shared.append(_shared(picture.pose.sigmas, height.sigma, picture.focal_sigma, configured))
+            sigmas = _shared(picture.pose.sigmas, height.sigma, picture.focal_sigma, configured)
+            sigmas[SharedError.DELAY] = either(configured.time_offset_sigma_s, delay_sigma_s) if motion else 0.0
+            shared.append(tuple(sigmas))
         shots.append(_shot(picture, plane, height.metres, height.sigma.own, groups[key]))
     surface: Surface
     if elevation is None:
@@ -98,14 +104,24 @@ def _shot(picture: PosedPicture, plane: TangentPlane, height_m: float, own_heigh
         own_position_m=pose.sigmas.position_m.own,
         own_height_m=own_height_m,
         own_attitude=radians(pose.sigmas.attitude_deg.own),
+        velocity_ned=(0.0, 0.0, 0.0) if pose.motion is None else pose.motion.velocity_ned,
+        turn=(0.0, 0.0, 0.0) if pose.motion is None else _about_camera_axes(pose.motion.turn),
         group=group,
     )
 
 
-def _shared(sigmas: PoseSigmas, height: Sigma, focal: float, configured: Configured) -> tuple[float, ...]:
-    def either(given: float | None, by_source: float) -> float:
-        return by_source if given is None else given
+def _about_camera_axes(turn: Vector3) -> Vector3:
+    """Gimbal axes are forward, right, down; the camera's are right, down, forward."""
+    forward, right, down = turn
+    return (right, down, forward)
 
+
+def either(given: float | None, by_source: float) -> float:
+    """What is configured, else what the pictures' source suggests."""
+    return by_source if given is None else given
+
+
+def _shared(sigmas: PoseSigmas, height: Sigma, focal: float, configured: Configured) -> list[float]:
     values = [0.0] * SHARED_COUNT
     values[SharedError.NORTH] = values[SharedError.EAST] = either(configured.position_bias_m, sigmas.position_m.shared)
     values[SharedError.HEIGHT] = either(configured.height_bias_m, height.shared)
@@ -114,4 +130,4 @@ def _shared(sigmas: PoseSigmas, height: Sigma, focal: float, configured: Configu
         values[error] = mount
     values[SharedError.HEADING] = radians(either(configured.heading_bias_deg, sigmas.heading_deg))
     values[SharedError.FOCAL] = focal
-    return tuple(values)
+    return values

@@ -4,7 +4,8 @@ import { latLon } from "./format.js";
 const FAR_SIGMAS = 3;
 const CAUSES = { pixel: "the click", own_position: "each picture's position", own_attitude: "each picture's attitude",
   shared_position: "the position shared by all pictures", shared_height: "the height shared by all pictures",
-  mount: "the camera's alignment", heading: "the heading", focal: "the focal length", ground: "the ground's height" };
+  mount: "the camera's alignment", heading: "the heading", focal: "the focal length", ground: "the ground's height",
+  delay: "the delay of the video's telemetry" };
 
 export class TargetList {
   constructor(element, { onTarget }) {
