@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import json
 from contextlib import ExitStack
 from pathlib import Path
@@ -21,8 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fwav_companion.config import Config
-    from fwav_companion.photographs.picture_pose import AltDatum
-    from fwav_companion.tools.detect.recorded_pictures import PoseRow, RecordedPictures
+    from fwav_companion.tools.detect.recorded_pictures import PoseOptions, PoseRow, RecordedPictures
     from fwav_companion.vision.images import Detector, Found, Picture
 
 STILL: Final = "still"
@@ -36,7 +33,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         description=(
             "Runs the detector of [vision] over recorded pictures and writes what it finds as `replay` reads it. Times "
             "are those of stamps.jsonl, of the pictures' EXIF (with its zone, else by GPS), or the video's own from "
-            "--start on."
+            "--start on. Poses are those of the pictures' tags, or of the .SRT, .ASS, .csv or KLV of the video."
         ),
         epilog=(
             "examples:\n"
@@ -54,9 +51,18 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add("--config", metavar="FILE", help="the configuration; its [vision] names the detector. Without: poses alone")
     add("--out", metavar="D.jsonl", type=Path, help="the detections, a line a picture")
-    add("--start", metavar="TIME", help="time of the first picture, ISO 8601 with a zone; for a video required")
-    add("--poses-out", metavar="CSV", type=Path, help="the poses that the pictures' tags have")
+    add(
+        "--start",
+        metavar="TIME",
+        help="time of the first picture, ISO 8601 with a zone; needed for a video without UTC",
+    )
+    add("--poses-out", metavar="CSV", type=Path, help="the poses by the pictures' tags, or by the video's telemetry")
+    add("--poses", metavar="FILE", type=Path, help="poses in place of the tags', as `locate --poses` reads them")
+    add("--poses-crs", metavar="CRS", help="coordinate system of --poses where it names none, as EPSG:32632")
     add("--alt-datum", choices=("egm96", "ellipsoid", "takeoff"), help="what the pictures' altitudes count from")
+    add("--takeoff-alt", metavar="M", type=float, help="altitude of the take-off above sea level, for --poses-out")
+    add("--angles", metavar="ROLL,PITCH,YAW", help="of the camera, degrees, where tags or telemetry have none")
+    add("--klv-time", choices=("auto", "utc", "misp"), default="auto", help="what the time of MISB metadata counts")
     add("--draw", metavar="DIR", type=Path, help="pictures with what was found drawn into them: look at some")
     add(
         "--sigma",
@@ -87,11 +93,11 @@ def _detected(arguments: argparse.Namespace) -> int:
     outputs = _Outputs(arguments)
     detector = configured_detector(config, as_prior=outputs.measures)
     start = None if arguments.start is None else parse_start(arguments.start)
-    timed = arguments.out is not None or arguments.poses_out is not None
+    timed = arguments.out is not None and arguments.poses_out is None  # with its own poses a picture needs no time
     if arguments.poses_out is not None or not _has_own_times(arguments.pictures):
         require("detect", "PIL")
-    wanted = arguments.poses_out is not None
-    pictures = recorded_pictures(arguments.pictures, start, poses=wanted, alt_datum=_datum(arguments), timed=timed)
+    poses = None if arguments.poses_out is None else _pose_options(arguments)
+    pictures = recorded_pictures(arguments.pictures, start, poses=poses, timed=timed)
     counts = _detect_all(outputs, pictures, detector)
     if arguments.poses_out is not None:
         _write_poses(arguments.poses_out, pictures.poses, arguments.pictures)
@@ -106,9 +112,10 @@ def _poses_alone(arguments: argparse.Namespace) -> int:
         raise UserError("detect: no --config; accepted: --config FILE with --out, or --poses-out CSV alone")
     require("detect", "PIL", "cv2")
     from fwav_companion.cli.progress import steps
-    from fwav_companion.tools.detect.recorded_pictures import pose_rows
+    from fwav_companion.tools.detect.recorded_pictures import parse_start, pose_rows
 
-    count, rows = pose_rows(arguments.pictures, _datum(arguments))
+    start = None if arguments.start is None else parse_start(arguments.start)
+    count, rows = pose_rows(arguments.pictures, start, _pose_options(arguments))
     poses = []
     with steps("poses", count) as step:
         for row in rows:
@@ -122,10 +129,21 @@ def _poses_alone(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _datum(arguments: argparse.Namespace) -> AltDatum | None:
+def _pose_options(arguments: argparse.Namespace) -> PoseOptions:
+    from fwav_companion.cli.pose_options import given_angles, given_poses
+    from fwav_companion.photographs.klv import TimeScale
     from fwav_companion.photographs.picture_pose import AltDatum
+    from fwav_companion.tools.detect.recorded_pictures import PoseOptions
 
-    return None if arguments.alt_datum is None else AltDatum(arguments.alt_datum)
+    if arguments.takeoff_alt is not None and not -500.0 <= arguments.takeoff_alt <= 9000.0:
+        raise UserError(f"--takeoff-alt {arguments.takeoff_alt:g}: accepted: -500 to 9000 metres above sea level")
+    return PoseOptions(
+        takeoff_alt_m=arguments.takeoff_alt,
+        alt_datum=None if arguments.alt_datum is None else AltDatum(arguments.alt_datum),
+        angles_deg=given_angles(arguments),
+        table=given_poses(arguments),
+        klv_time=TimeScale(arguments.klv_time),
+    )
 
 
 def _has_own_times(path: Path) -> bool:
@@ -236,14 +254,10 @@ def _write_poses(out: Path, poses: Sequence[PoseRow], pictures: Path) -> None:
 
     if not poses:
         raise InputFileError(
-            f"{pictures}: no picture has a pose in its tags; accepted: those of DJI, Parrot, Autel, Skydio and others"
+            f"{pictures}: no picture has a pose; accepted: tags of DJI, Parrot, Autel, Skydio and others, --poses FILE "
+            "or --angles ROLL,PITCH,YAW where only angles are missing"
         )
-    from fwav_companion.photographs.poses_table import COLUMNS
+    from fwav_companion.photographs.poses_table import poses_csv
 
-    columns = [name for name in COLUMNS if any(name in pose for pose in poses)]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="")
-    writer.writeheader()
-    writer.writerows(poses)
     with whole(out) as file:
-        file.write(text.getvalue().encode())
+        file.write(poses_csv(poses).encode())

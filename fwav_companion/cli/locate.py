@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.pose_options import given_angles, given_poses, numbers, text_of
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import InputFileError, UserError
 from fwav_companion.libraries import require
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Sequence
 
-    from fwav_companion.photographs.picture_pose import NoPose, PicturePose
     from fwav_companion.tools.locate.answers import PlaceAnswers
     from fwav_companion.tools.locate.clicks import PictureClick
     from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
@@ -183,7 +183,7 @@ def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[Picture
         raise UserError("locate: accepted: one of --pixel U,V and --pixels FILE (see fwav-companion locate --help)")
     if arguments.pixels is None:
         return clicks_of(names, [parse_pixel(text) for text in arguments.pixel], arguments.label)
-    return parse_clicks(_text(arguments.pixels), str(arguments.pixels))
+    return parse_clicks(text_of(arguments.pixels), str(arguments.pixels))
 
 
 def _detections(arguments: argparse.Namespace, photographs: Sequence[Photograph]) -> list[PictureClick]:
@@ -216,28 +216,13 @@ def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
     calibration = None
     if arguments.camera is not None:
         file, camera = file_and_camera(str(arguments.camera))
-        calibration = parse_calibration(_text(Path(file)), file, camera=camera)
-    angles = (
-        None if arguments.angles is None else _numbers("--angles", arguments.angles, ("ROLL", "PITCH", "YAW"), 360.0)
-    )
+        calibration = parse_calibration(text_of(Path(file)), file, camera=camera)
     return CameraOptions(
-        table=_poses(arguments),
+        table=given_poses(arguments),
         calibration=calibration,
         hfov_deg=arguments.hfov,
-        angles_deg=None if angles is None else (angles[0], angles[1], angles[2]),
+        angles_deg=given_angles(arguments),
     )
-
-
-def _poses(arguments: argparse.Namespace) -> dict[str, PicturePose | NoPose] | None:
-    from fwav_companion.photographs.pose_tables import parse_pose_table
-    from fwav_companion.photographs.table_crs import required_crs
-    from fwav_companion.photographs.table_poses import poses_of_table
-
-    crs = None if arguments.poses_crs is None else required_crs(arguments.poses_crs)
-    if arguments.poses is None:
-        return None
-    name = str(arguments.poses)
-    return poses_of_table(parse_pose_table(_text(arguments.poses), name), name, crs)
 
 
 def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
@@ -258,13 +243,13 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
         from fwav_companion.config import load
 
         config = load(arguments.config)
-        configured = stated_uncertainty(_text(Path(arguments.config)))
+        configured = stated_uncertainty(text_of(Path(arguments.config)))
         datum = config.ground.terrain_datum or datum
         if config.ground.model == "terrain" and not terrain and ground_alt is None:
             terrain = tuple(config.resolve(path) for path in config.ground.terrain)
         if config.ground.model == "altitude" and not terrain and ground_alt is None:
             ground_alt = config.ground.alt_amsl
-    takeoff = None if arguments.takeoff is None else _numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
+    takeoff = None if arguments.takeoff is None else numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
     return LocateOptions(
         terrain=terrain,
         terrain_datum=datum,
@@ -276,24 +261,3 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
             ground_alt_m=ground_alt,
         ),
     )
-
-
-def _numbers(option: str, text: str, names: Sequence[str], largest: float) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != len(names) or not all(abs(number) <= largest for number in numbers):
-        raise UserError(f"{option} {text}: accepted: {','.join(names)} in degrees")
-    return numbers
-
-
-def _text(path: Path) -> str:
-    from fwav_companion.on_disk import content
-
-    try:
-        return content(path).decode()
-    except UnicodeDecodeError as error:
-        raise InputFileError(f"{path}: byte {error.start} is not UTF-8; accepted: a text file") from None
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror}; accepted: a readable file") from None

@@ -154,11 +154,37 @@ def _recording(arguments: argparse.Namespace, config: Config) -> Recording | Pho
 
 def _poses(name: str) -> PosesFile:
     try:
-        return parse_poses(content(Path(name)).decode(), name, _undulation_m)
+        text = content(Path(name)).decode()
+        return parse_poses(_as_poses_csv(text, name), name, _undulation_m)
     except OSError as error:
         raise InputFileError(f"{name}: {error.strerror}; accepted: a CSV file of poses") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV") from None
+
+
+def _as_poses_csv(text: str, name: str) -> str:
+    """A photogrammetry program's table as a file of poses, by the reader of `locate` and `detect`; others as they are.
+
+    InputFileError where it lacks what pictures' tags would give: `detect` joins both.
+    """
+    from fwav_companion.photographs.picture_pose import NoPose
+    from fwav_companion.photographs.pose_tables import is_pose_table, parse_pose_table
+    from fwav_companion.photographs.poses_table import pose_row, poses_csv
+    from fwav_companion.photographs.table_poses import DATUM_NOTE, poses_of_table
+
+    if not is_pose_table(text):
+        return text
+    rows = []
+    for file, pose in poses_of_table(parse_pose_table(text, name), name, None).items():
+        row = None if isinstance(pose, NoPose) else pose_row(file, pose, None)
+        if row is None:
+            raise InputFileError(
+                f"{name}: {file}: no angles or no altitude in it; accepted: what `detect PICTURES --poses {name} "
+                "--poses-out poses.csv` writes, with those of the pictures' tags"
+            )
+        rows.append(row)
+    print(f"{name}: {DATUM_NOTE}", file=sys.stderr)
+    return poses_csv(rows)
 
 
 def _undulation_m(lat_deg: float, lon_deg: float) -> float:

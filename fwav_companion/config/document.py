@@ -108,6 +108,8 @@ class Config(Document, frozen=True, kw_only=True):
 
     file: str
     """Path of the file, as the user named it. Errors begin with it, and relative paths count from its folder."""
+    stated_sigmas: frozenset[str] = frozenset()
+    """The keys of [uncertainty] with a number in the file or in an override."""
 
     def resolve(self, path: str) -> Path:
         """Full path for a path in the file, which is relative to the file's folder."""
@@ -178,5 +180,5 @@ class Config(Document, frozen=True, kw_only=True):
     def as_builtins(self) -> dict[str, Any]:
         """Every key with its value, passwords and tokens redacted; independent of the file's path."""
         tree: dict[str, Any] = redacted(msgspec.to_builtins(self), dict(secrets_of(self)))
-        del tree["file"]
+        del tree["file"], tree["stated_sigmas"]
         return tree

@@ -80,7 +80,11 @@ class LandmarkConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """[uncertainty]: one sigma each. Noise is independent in every sample, a bias is the same through a flight."""
+    """[uncertainty]: one sigma each. Noise is independent in every sample, a bias is the same through a flight.
+
+    The biases of height, heading and mount also accept ``auto``, which is the same as to leave them out: the default
+    here, and by the source of photographs where they have poses of their own.
+    """
 
     pixel_noise_px: SigmaPx = 4.0
     """Noise of a detection that brings no sigma, pixels."""

@@ -33,6 +33,8 @@ LARGEST_NUMBER = 1e9
 """Largest number in any unit: no quantity of a vehicle is larger, and its fourth power is still finite."""
 OTHER_SPELLINGS: Final[dict[tuple[str, str], Callable[[str], str]]] = {("vision", "aruco_dictionary"): dictionary_key}
 """Tables and keys that accept several spellings, with the function that returns the first spelling."""
+BY_SOURCE: Final = frozenset({"height_bias_m", "heading_bias_deg", "mount_bias_deg"})
+"""Keys of [uncertainty] that accept "auto", which is the same as to leave them out: by the source of photographs."""
 ARRAYS: Final = frozenset({"link", "target", "landmark"})
 """Tables of which there may be several."""
 REPEATED: Final = ("Cannot declare", "Cannot overwrite a value")
@@ -73,7 +75,9 @@ def parse(text: str, name: str, overrides: Iterable[str] = ()) -> Config:
     document = msgspec.convert(respelled, Document)
     for complaint in broken_rules(document):
         fail(complaint)
-    return Config(**msgspec.structs.asdict(document), file=name)
+    sigmas = respelled.get("uncertainty", {})
+    stated = frozenset(key for key, value in sigmas.items() if not isinstance(value, str))
+    return Config(**msgspec.structs.asdict(document), file=name, stated_sigmas=stated)
 
 
 def _toml(text: str, name: str) -> Tree:
@@ -130,6 +134,9 @@ def _respelled(tree: Tree) -> Tree:
         keys = respelled.get(table)
         if isinstance(keys, dict) and isinstance(keys.get(key), str):
             respelled[table] = {**keys, key: first(keys[key])}
+    sigmas = respelled.get("uncertainty")
+    if isinstance(sigmas, dict):
+        respelled["uncertainty"] = {k: v for k, v in sigmas.items() if k not in BY_SOURCE or v != "auto"}
     return respelled
 
 

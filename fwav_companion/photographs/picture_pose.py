@@ -91,6 +91,15 @@ class NoPose(msgspec.Struct, frozen=True):
     """The pose without angles, where only these are missing."""
 
 
+def with_angles(found: PicturePose | NoPose, angles_deg: tuple[float, float, float] | None) -> PicturePose | NoPose:
+    """The pose with roll, pitch and yaw as the user gives them; None: as found."""
+    bare = found.place if isinstance(found, NoPose) else found
+    if angles_deg is None or bare is None:
+        return found
+    roll, pitch, yaw = angles_deg
+    return msgspec.structs.replace(bare, roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
+
+
 class PictureLens(msgspec.Struct, frozen=True, kw_only=True):
     """The lens of a picture, in pixels of the stored image, (0, 0) at the centre of its top left pixel."""
 

@@ -38,6 +38,8 @@ FLIP: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 MOST_ROWS: Final = 200_000
 NUMBERS_OF_PIX4D: Final = 26
 """K (9), radial (3), tangential (2), centre (3), R (9)."""
+OWN_COLUMN: Final = "roll_deg"
+"""In the header of the files of poses that `detect` writes and `replay` reads."""
 PICTURE_OF_PIX4D: Final = re.compile(r"^(.+?)\s+\d+\s+\d+$")
 COLMAP: Final = re.compile(r"#.*IMAGE_ID,\s*QW", re.IGNORECASE)
 
@@ -67,6 +69,15 @@ class PoseTable(msgspec.Struct, frozen=True, kw_only=True):
     """None where the file does not name it."""
     rows: tuple[TablePose, ...]
     first_line: str
+
+
+def is_pose_table(text: str) -> bool:
+    """Whether the content is one of the known tables, and not a file of poses of our own."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    if any(OWN_COLUMN in line for line in lines[:20]):
+        return False
+    first = next((line.strip() for line in lines if line.strip()), "")
+    return any(is_it(first, text) for is_it, _, _ in READERS)
 
 
 def parse_pose_table(text: str, name: str) -> PoseTable:

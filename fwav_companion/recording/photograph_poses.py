@@ -15,6 +15,7 @@ from fwav_companion.geometry.rotations import Quaternion, quaternion_from_euler
 
 PLACE, ANGLES = ("lat", "lon"), ("roll_deg", "pitch_deg", "yaw_deg")
 SIGMAS = ("position_sigma_m", "height_sigma_m", "attitude_sigma_deg")
+SHARED = ("position_bias_m", "height_bias_m", "heading_bias_deg", "mount_bias_deg", "time_offset_sigma_s")
 ACCEPTED = (
     "one row a picture with file, frame or time_unix, lat, lon, alt with alt_datum (or alt_amsl), roll_deg, pitch_deg, "
     "yaw_deg, optionally position_sigma_m, height_sigma_m, attitude_sigma_deg, takeoff_alt"
@@ -34,12 +35,16 @@ class PhotographPose(msgspec.Struct, frozen=True, kw_only=True):
     """Pose of the camera in one picture."""
 
     frame: int | None
-    """Number of the picture, as in the detections; None: the row has a time."""
+    """Number of the picture, as in the detections, or of the row; None: the row has a time alone."""
     time_unix: float | None
+    file: str = ""
+    """Name of the picture, where neither number nor time say which it is; "": they do."""
     place: Geodetic
-    """Centre of the camera; altitude above EGM96."""
+    """Centre of the camera; altitude above EGM96, or above the take-off."""
     takeoff_alt_m: float | None = None
     """Altitude of the take-off above EGM96, metres."""
+    above_takeoff: bool = False
+    """Whether the altitude counts from a take-off whose own altitude is not known."""
     ned_from_carrier: Quaternion
     """Attitude of a carrier whose x axis is the optical axis, image right along y."""
     position_sigma_m: float | None
@@ -50,12 +55,30 @@ class PhotographPose(msgspec.Struct, frozen=True, kw_only=True):
     """One sigma about each axis, radians; None: by the configuration."""
 
 
+class SharedSigmas(msgspec.Struct, frozen=True, kw_only=True):
+    """One sigma of the errors that all pictures of a file share, in the units of [uncertainty]; None: not stated."""
+
+    position_bias_m: float | None = None
+    height_bias_m: float | None = None
+    heading_bias_deg: float | None = None
+    mount_bias_deg: float | None = None
+    time_offset_sigma_s: float | None = None
+    """Delay of a video's telemetry against its pictures; None for photographs."""
+
+    def or_larger(self, other: SharedSigmas) -> SharedSigmas:
+        """The larger one of each: of pictures from several sources the worst counts for all."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in SHARED)
+        known = ([value for value in pair if value is not None] for pair in pairs)
+        return SharedSigmas(**{name: max(values, default=None) for name, values in zip(SHARED, known, strict=True)})
+
+
 class PosesFile(msgspec.Struct, frozen=True):
     """The poses of a file, and what its sigmas mean."""
 
     poses: tuple[PhotographPose, ...]
     sigmas_are_total: bool
     """Whether a row's sigma also covers what all pictures share (`# sigmas: total`); else it is the picture's own."""
+    shared: SharedSigmas = SharedSigmas()
 
 
 def parse_poses(text: str, name: str, undulation_m: Undulation) -> PosesFile:
@@ -63,19 +86,21 @@ def parse_poses(text: str, name: str, undulation_m: Undulation) -> PosesFile:
     remarks, body = _remarks(text.removeprefix("\ufeff"))  # a spreadsheet's byte order mark
     poses: list[PhotographPose] = []
     taken: set[object] = set()
+    shared = SharedSigmas()
     for number, row in _rows(body, name):
         where = f"{name}: line {number}"
         if row.get("alt_datum") is None and "alt_datum" in remarks:
             row = {**row, "alt_datum": remarks["alt_datum"]}
         pose = _pose(row, where, len(poses), undulation_m)
-        key = pose.time_unix if pose.frame is None else pose.frame
+        key = pose.file or (pose.time_unix if pose.frame is None else pose.frame)
         if (pose.frame is None, key) in taken:
             raise InputFileError(f"{where}: a second row for picture {key}; accepted: {ACCEPTED}")
         taken.add((pose.frame is None, key))
         poses.append(pose)
+        shared = shared.or_larger(SharedSigmas(**{name: _sigma(row, name, where) for name in SHARED}))
     if not poses:
         raise InputFileError(f"{name}: it has no pose; accepted: {ACCEPTED}")
-    return PosesFile(tuple(poses), remarks.get("sigmas") == TOTAL)
+    return PosesFile(tuple(poses), remarks.get("sigmas") == TOTAL, shared)
 
 
 def _remarks(text: str) -> tuple[dict[str, str], str]:
@@ -102,10 +127,12 @@ def _rows(text: str, name: str) -> Iterator[tuple[int, Mapping[str, str | None]]
 
 def _pose(row: Mapping[str, str | None], where: str, index: int, undulation_m: Undulation) -> PhotographPose:
     frame, time_unix = _frame(row, where), _number(row, "time_unix", where)
+    file = ""
     if frame is None and time_unix is None:
-        if not (row.get("file") or "").strip():
+        file = (row.get("file") or "").strip().replace("\\", "/").rpartition("/")[2]
+        if not file:
             raise InputFileError(f"{where}: no file, frame or time_unix; accepted: {ACCEPTED}")
-        frame = index  # the order of the file is that of the pictures
+        frame = index  # where the detections name no files, the order of this file is that of the pictures
     lat, lon = _all_of(row, PLACE, where)
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
         raise InputFileError(f"{where}: lat {lat:g}, lon {lon:g} is out of range; accepted: degrees")
@@ -119,8 +146,10 @@ def _pose(row: Mapping[str, str | None], where: str, index: int, undulation_m: U
     return PhotographPose(
         frame=frame,
         time_unix=time_unix,
+        file=file,
         place=Geodetic.from_degrees(lat, lon, alt),
         takeoff_alt_m=takeoff_alt_m,
+        above_takeoff=takeoff_alt_m is None and (row.get("alt_datum") or "").strip() == "takeoff",
         ned_from_carrier=quaternion_from_euler(roll, pitch, yaw),
         position_sigma_m=position,
         height_sigma_m=height,
@@ -135,7 +164,7 @@ def _altitude(
     takeoff_alt_m: float | None,
     undulation_m: Undulation,
 ) -> float:
-    """The altitude above EGM96, metres: H = h - N for one above the ellipsoid."""
+    """The altitude above EGM96, metres: H = h - N for one above the ellipsoid; or above an unknown take-off."""
     metres, datum = _number(row, "alt", where), (row.get("alt_datum") or "").strip()
     if metres is None:
         (metres,) = _all_of(row, ("alt_amsl",), where)
@@ -145,9 +174,7 @@ def _altitude(
     if datum == "ellipsoid":
         return metres - undulation_m(*place)
     if datum == "takeoff":
-        if takeoff_alt_m is None:
-            raise InputFileError(f"{where}: alt_datum is takeoff without takeoff_alt; accepted: {ACCEPTED}")
-        return metres + takeoff_alt_m
+        return metres + (takeoff_alt_m or 0.0)
     return metres
 
 

@@ -67,6 +67,8 @@ class Frame(msgspec.Struct, frozen=True):
     """Exposure time, seconds; None where the source does not report it."""
     picture: int | None = None
     """Number of the picture that the service's own camera process keeps for clicks; None where it keeps none."""
+    file: str = ""
+    """Name of the photograph; "" where the source sends none."""
 
 
 class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -26,6 +26,8 @@ MOST_FRAME_BYTES = 1 << 20
 """Most bytes of one line or datagram: MAX_DETECTIONS with labels, boxes and corners take a fifth of it."""
 MAX_LABEL = 256
 """Most characters of a label; each track stores its label."""
+MAX_FILE = 255
+"""Most characters of a file's name, the limit of common file systems."""
 LATEST_UNIX_S = 1e11
 """Latest Unix time, the year 5138: a larger number is in another unit. Today's milliseconds are 1.8e12, microseconds
 1.8e15, nanoseconds 1.8e18."""
@@ -74,6 +76,8 @@ class WireFrame(msgspec.Struct):
     exposure_s: float | None = None
     picture: Int64 | None = None
     """Number of the kept picture, from this package's camera process."""
+    file: Any = None
+    """Name of the photograph; what is no text of at most MAX_FILE characters is ignored."""
 
 
 class _RecordedFrame(msgspec.Struct, omit_defaults=True, kw_only=True):
@@ -129,6 +133,7 @@ def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClock
         size=wire.size,
         exposure_s=wire.exposure_s,
         picture=wire.picture,
+        file=wire.file if isinstance(wire.file, str) and len(wire.file) <= MAX_FILE else "",
     )
 
 

@@ -160,8 +160,9 @@ def test_the_poses_of_a_makers_metadata_are_what_replay_reads(tmp_path, config):
     assert first == {
         "file": "a.jpg", "frame": "0", "time_unix": str(NOON_S), "lat": "48.1371999", "lon": "11.5756003",
         "alt": "560.4", "alt_datum": "ellipsoid", "roll_deg": "0.1", "pitch_deg": "-89.9", "yaw_deg": "-33.5",
-        "position_sigma_m": "0.012", "height_sigma_m": "0.031", "attitude_sigma_deg": "0.3", "width": "640",
-        "height": "480",
+        "position_sigma_m": "0.012", "height_sigma_m": "0.031", "attitude_sigma_deg": "0.3",
+        "position_bias_m": "0.03", "height_bias_m": "0.03", "heading_bias_deg": "1.0", "mount_bias_deg": "0.5",
+        "width": "640", "height": "480",
     }  # fmt: skip
     assert [float(second[key]) for key in ("lat", "lon", "alt")] == pytest.approx([-33.5, -70.6, 620.5])
     assert (second["alt_datum"], second["position_sigma_m"]) == ("egm96", "1.0")

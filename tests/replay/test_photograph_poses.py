@@ -319,3 +319,91 @@ def test_poses_and_telemetry_together_are_exit_2(tmp_path):
     done = run_command(*written(tmp_path, photographs(2)), "--telemetry", "a.tlog", folder=tmp_path)
     assert done.returncode == 2
     assert "--poses" in done.stderr
+
+
+def test_poses_above_an_unknown_take_off_have_no_altitude_above_the_sea(tmp_path):
+    config = FIXED.replace('"fixed"', '"home"').replace("height_m = 60.0", "")
+    words = written(tmp_path, photographs(6), config=config)
+    text = (tmp_path / "poses.csv").read_text().replace("alt_amsl", "alt").splitlines()
+    column = text[0].split(",").index("alt")
+    rows = [row.split(",") for row in text[1:]]
+    for row in rows:
+        row[column] = f"{float(row[column]) - TARGET[2]:.3f}"
+    (tmp_path / "poses.csv").write_text(
+        "\n".join([text[0], *(",".join(row) for row in rows)]) + "\n# alt_datum: takeoff\n"
+    )
+    exports = [word for name in ("kml", "gpx", "geojson", "csv") for word in ("--export", f"a.{name}")]
+    words = [word for word in words if word not in ("--truth", "truth.csv")]
+    done = run_command(*words, *exports, "--report", "r", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = lines_of(tmp_path)
+    assert lines[0]["origin"]["alt_amsl"] is None
+    targets = [line for line in lines if line["type"] == "target"]
+    assert {line["alt_amsl"] for line in targets} == {None}
+    assert targets[-1]["alt_takeoff"] == pytest.approx(0.0, abs=0.01)
+    assert "m from the take-off" in (tmp_path / "a.kml").read_text()
+    wrong = tmp_path / "flight.toml"
+    wrong.write_text(wrong.read_text().replace('"home"', '"altitude"\nalt_amsl = 519.0'))
+    done = run_command(*words, folder=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "--takeoff-alt" in done.stderr
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_biases_of_the_pictures_source_count_unless_the_configuration_states_them(tmp_path, stated):
+    words = nadir_words(tmp_path, ",0,0,0")
+    text = (tmp_path / "poses.csv").read_text().splitlines()
+    (tmp_path / "poses.csv").write_text(f"{text[0]},position_bias_m,mount_bias_deg\n{text[1]},2.0,0.25\n")
+    more = ("--set", "uncertainty.position_bias_m=0.5", "--set", "uncertainty.mount_bias_deg=auto") if stated else ()
+    done = run_command(*words, *more, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    tilt, pixel, place = 60.0 * np.radians(0.25), 60.0 / 3000.0, 0.5 if stated else 2.0
+    cov = np.array(fixes_of(tmp_path)[0]["cov"])
+    assert np.sqrt(np.diag(cov)[:2]) == pytest.approx([np.sqrt(tilt**2 + pixel**2 + place**2)] * 2, rel=2e-3)
+
+
+def test_poses_by_file_are_joined_by_the_names_of_the_detections(tmp_path):
+    words = written(tmp_path, photographs(5))
+    text = (tmp_path / "poses.csv").read_text().splitlines()
+    rows = [f"{number}.jpg,{row.partition(',')[2].lstrip(',')}" for number, row in enumerate(text[1:])]
+    head = "file," + text[0].removeprefix("frame,time_unix,")
+    (tmp_path / "poses.csv").write_text("\n".join([head, *reversed(rows)]) + "\n")
+    frames = [json.loads(line) for line in (tmp_path / "d.jsonl").read_text().splitlines()]
+    lines = [json.dumps({**frame, "file": f"{number}.jpg"}) for number, frame in enumerate(frames)]
+    (tmp_path / "d.jsonl").write_text("\n".join(lines) + "\n")
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.01
+
+
+def test_a_pix4d_table_is_read_as_poses(tmp_path):
+    """Omega, phi, kappa by the definition, at the central meridian of UTM 32, where grid north is true north."""
+    from fwav_companion.geometry.map_grid import utm_from_degrees
+
+    names, rows = [], []
+    pictures = list(photographs(6))
+    shift = 9.0 - TARGET[1]  # to the central meridian
+    for number, (_, ((lat, lon, alt), angles)) in enumerate(pictures):
+        utm = utm_from_degrees(lat, lon + shift)
+        ned_from_camera = attitude(*angles) @ np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+        world = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ ned_from_camera @ np.diag([1, -1, -1])
+        omega, phi, kappa = (
+            np.arctan2(-world[1, 2], world[2, 2]),
+            np.arcsin(world[0, 2]),
+            np.arctan2(-world[0, 1], world[0, 0]),
+        )
+        turn = np.degrees([omega, phi, kappa])
+        names.append(f"{number}.jpg")
+        rows.append(
+            f"{names[-1]} {utm.easting_m:.4f} {utm.northing_m:.4f} {alt:.4f} {turn[0]:.8f} {turn[1]:.8f} {turn[2]:.8f}"
+        )
+    config = FIXED
+    words = written(tmp_path, pictures, config=config)
+    (tmp_path / "poses.csv").write_text("# EPSG:32632\nimageName X Y Z Omega Phi Kappa\n" + "\n".join(rows) + "\n")
+    frames = [json.loads(line) for line in (tmp_path / "d.jsonl").read_text().splitlines()]
+    lines = [json.dumps({**frame, "file": name}) for frame, name in zip(frames, names, strict=True)]
+    (tmp_path / "d.jsonl").write_text("\n".join(lines) + "\n")
+    (tmp_path / "truth.csv").write_text(f"label,lat,lon,alt_amsl\nrock,{TARGET[0]},{TARGET[1] + shift},{TARGET[2]}\n")
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.05

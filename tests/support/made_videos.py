@@ -29,7 +29,7 @@ def write_mp4(path: Path, samples: Sequence[bytes], *, as_mett: bool = False, se
         text = out.add_stream("mov_text")
         text.codec_context.subtitle_header = ASS_HEADER
         for number in range(RATE * seconds):
-            frame = av.VideoFrame.from_ndarray(np.full((HEIGHT, WIDTH, 3), number, np.uint8), format="rgb24")
+            frame = av.VideoFrame.from_ndarray(np.full((HEIGHT, WIDTH, 3), number % 256, np.uint8), format="rgb24")
             frame.pts = number
             for coded in video.encode(frame):
                 out.mux(coded)

@@ -95,7 +95,7 @@ class MapExport(Export):
         """Keep the lines of confirmed tracks, and the origin."""
         if line["type"] in ("header", "origin") and line["origin"] is not None:
             origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
+            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"] or 0.0))
         elif line["type"] == "target" and line["state"] in CONFIRMED_STATES:
             track = self._tracks.setdefault(line["track"], ExportedTrack())
             self._points += track.add(line, may_grow=self._points < MOST_POINTS)

@@ -50,6 +50,7 @@ def _properties(line: Line) -> dict[str, Any]:
         "state": line["state"],
         "time": utc_text(line["time_unix"]),
         "alt_amsl": line["alt_amsl"],
+        **({"alt_takeoff": line["alt_takeoff"]} if "alt_takeoff" in line else {}),
         "north": line["north"],
         "east": line["east"],
         "down": line["down"],

@@ -20,7 +20,8 @@ class GpxExport(MapExport):
         for name, track in placed:
             last = track.last
             point = SubElement(root, "wpt", lat=repr(last["lat"]), lon=repr(last["lon"]))
-            SubElement(point, "ele").text = f"{last['alt_amsl']:.2f}"  # above mean sea level
+            if last["alt_amsl"] is not None:
+                SubElement(point, "ele").text = f"{last['alt_amsl']:.2f}"  # above mean sea level
             time = utc_text(last["time_unix"])
             if time:
                 SubElement(point, "time").text = time

@@ -71,10 +71,12 @@ def _style(document: Element) -> None:
 
 def _description(line: Line) -> str:
     ellipse = ellipse95(line["cov"])
+    height = f"{line['alt_amsl']:.1f} m AMSL" if line["alt_amsl"] is not None else ""
+    height = height or f"{line.get('alt_takeoff', 0.0):+.1f} m from the take-off"
     return (
         f"{line['state']}; within {circle_radius(line['cov'], SHARE):.2f} m (95 %); semi-axes of the 95 % ellipse "
         f"{ellipse.major_m:.2f} m and {ellipse.minor_m:.2f} m, the longer one to {ellipse.bearing_deg:.0f} deg; "
-        f"{line['alt_amsl']:.1f} m AMSL"
+        f"{height}"
     )
 
 

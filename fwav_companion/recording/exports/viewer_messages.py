@@ -38,6 +38,7 @@ class ViewerMessages:
         self._unix_offset_s = 0.0
         self._last_ns = 0
         self._placed_ns = -1
+        self._has_altitude = True
 
     def of_line(self, line: Line) -> list[Message]:
         """The messages of one line of a targets file."""
@@ -46,7 +47,8 @@ class ViewerMessages:
             self._unix_offset_s = line.get("unix_offset_s", 0.0)
         if kind in ("header", "origin") and line.get("origin") is not None:
             origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
+            self._has_altitude = origin["alt_amsl"] is not None
+            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"] or 0.0))
         if kind == "target":
             return self._of_target(line)
         if kind == "clock":
@@ -85,7 +87,7 @@ class ViewerMessages:
             text = f"{line['label'] or 'target'} {line['track']}"
             scene = {"deletions": [], "entities": [entity(at, name, text, state, place, ellipse)]}
         messages: list[Message] = [("/targets/scene", at_ns, scene), ("/targets/estimates", at_ns, estimate)]
-        if line["lat"] is not None:
+        if line["lat"] is not None and line["alt_amsl"] is not None:
             fix = location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
             messages.append(("/targets/location", at_ns, fix))
         relative = line.get("relative")
@@ -100,7 +102,7 @@ class ViewerMessages:
 
     def _of_vehicle(self, at_ns: int, at: Stamp, vehicle_ned: Vector3) -> list[Message]:
         messages: list[Message] = [("/tf", at_ns, transform(at, "vehicle", vehicle_ned))]
-        if self._plane is not None:
+        if self._plane is not None and self._has_altitude:
             place = self._plane.geodetic_from_ned(vehicle_ned)
             fix = location(at, place.lat_deg, place.lon_deg, place.alt_amsl_m, None)
             messages.append(("/vehicle/location", at_ns, fix))

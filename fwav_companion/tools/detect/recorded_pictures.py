@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -14,9 +14,11 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
 from fwav_companion.photographs.exif_tags import EXPOSURE, local_time, utc_time
 from fwav_companion.photographs.files import read_tags
-from fwav_companion.photographs.picture_pose import AltDatum, PicturePose
+from fwav_companion.photographs.klv import TimeScale
+from fwav_companion.photographs.picture_pose import AltDatum, NoPose, PicturePose, with_angles
 from fwav_companion.photographs.pose_from_tags import pose_from_tags
 from fwav_companion.photographs.poses_table import pose_row
+from fwav_companion.photographs.table_poses import with_pose_of_table
 from fwav_companion.photographs.tags import PictureTags, finite_number
 from fwav_companion.recording.folder import PICTURES, STAMPS
 from fwav_companion.vision.images import (
@@ -36,6 +38,26 @@ WANTED_START: Final = (
 
 
 PoseRow: TypeAlias = Mapping[str, str | float | int]
+
+
+class PoseOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What the user says about the poses."""
+
+    alt_datum: AltDatum | None = None
+    """Of the absolute altitudes; None: by the tags."""
+    takeoff_alt_m: float | None = None
+    """Above EGM96, metres; None: not known."""
+    angles_deg: tuple[float, float, float] | None = None
+    """Roll, pitch and yaw of the camera, where the tags or the telemetry have none."""
+    table: Mapping[str, PicturePose | NoPose] | None = None
+    """Poses by the pictures' names, in place of those of the tags."""
+    klv_time: TimeScale = TimeScale.AUTO
+    """What the time of MISB metadata counts."""
+
+    def row(self, file: str, pose: PicturePose | NoPose, size: tuple[int, int]) -> dict[str, str | float | int] | None:
+        """The row of a file of poses; None where there is no pose, or no altitude."""
+        row = pose_row(file, pose, size, self.alt_datum) if isinstance(pose, PicturePose) else None
+        return row if row is None or self.takeoff_alt_m is None else {**row, "takeoff_alt": self.takeoff_alt_m}
 
 
 class RecordedPictures(msgspec.Struct, frozen=True, kw_only=True):
@@ -63,44 +85,47 @@ def recorded_pictures(
     path: Path,
     start: datetime | None,
     *,
-    poses: bool = False,
-    alt_datum: AltDatum | None = None,
+    poses: PoseOptions | None = None,
     timed: bool = True,
 ) -> RecordedPictures:
     """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing.
 
-    ``poses``: also of pictures with stamps, whose tags are not needed otherwise.
-    ``timed``: whether times of day matter. Without, a photograph has its number as the time, and a video counts from 0.
+    ``poses``: None where they are not wanted. ``timed``: whether times of day matter. Without, a photograph may have
+    its number as the time, and a video counts from 0.
     """
-    if not timed and start is None:
-        start = datetime.fromtimestamp(0.0, UTC)
     path = folder_of(path)
     if path.is_dir():
         if (path / STAMPS_FILE).is_file():
-            return _stamped(path, poses, alt_datum)
-        return _photographs(_files(path), start, alt_datum, timed=timed)
+            return _stamped(path, poses)
+        return _photographs(_files(path), start, poses, timed=timed)
     if not path.is_file():
         raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, a picture, or a video")
-    return (
-        _photographs([path], start, alt_datum, timed=timed) if path.suffix.lower() in SUFFIXES else _video(path, start)
-    )
+    if path.suffix.lower() in SUFFIXES:
+        return _photographs([path], start, poses, timed=timed)
+    from fwav_companion.tools.detect.recorded_video import recorded_video
+
+    return recorded_video(path, start, poses, timed=timed)
 
 
-def pose_rows(path: Path, alt_datum: AltDatum | None = None) -> tuple[int, Iterator[PoseRow | None]]:
+def pose_rows(path: Path, start: datetime | None, options: PoseOptions) -> tuple[int, Iterator[PoseRow | None]]:
     """The number of pictures, and their poses in the order of their times where all have one, else of their names.
 
-    A picture without a pose gives None. InputFileError where there are no pictures.
+    Each picture gives a None beside its pose: a step of the work. InputFileError where there are no pictures.
     """
     path = folder_of(path)
     if not path.exists():
-        raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, or a picture")
+        raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, a picture, or a video")
+    if path.is_file() and path.suffix.lower() not in SUFFIXES:
+        from fwav_companion.tools.detect.recorded_video import video_pose_rows
+
+        return video_pose_rows(path, start, options)
     files = _files(path) if path.is_dir() else [path]
 
     def read() -> Iterator[PoseRow | None]:
         found = []
         for file in files:
             tags = read_tags(file)
-            found.append((utc_time(tags), _row(file, tags, alt_datum)))
+            found.append((utc_time(tags), _row(file, tags, options)))
             yield None
         if all(time is not None for time, _ in found):
             found.sort(key=lambda each: each[0] or 0.0)
@@ -111,9 +136,12 @@ def pose_rows(path: Path, alt_datum: AltDatum | None = None) -> tuple[int, Itera
     return len(files), read()
 
 
-def _row(file: Path, tags: PictureTags, alt_datum: AltDatum | None) -> dict[str, str | float | int] | None:
+def _row(file: Path, tags: PictureTags, options: PoseOptions) -> dict[str, str | float | int] | None:
     pose = pose_from_tags(tags)
-    return pose_row(file.name, pose, tags.size, alt_datum) if isinstance(pose, PicturePose) else None
+    if options.table is not None:
+        pose = with_pose_of_table(pose, file.name, options.table)
+    pose = with_angles(pose, options.angles_deg)
+    return options.row(file.name, pose, tags.size)
 
 
 def folder_of(path: Path) -> Path:
@@ -128,7 +156,7 @@ def _files(folder: Path) -> list[Path]:
     return files
 
 
-def _stamped(folder: Path, poses: bool, alt_datum: AltDatum | None) -> RecordedPictures:
+def _stamped(folder: Path, poses: PoseOptions | None) -> RecordedPictures:
     """A folder with ``stamps.jsonl``, as the folder source has it."""
     text = content(folder / STAMPS_FILE)
     lines = text.splitlines()
@@ -147,7 +175,7 @@ def _stamped(folder: Path, poses: bool, alt_datum: AltDatum | None) -> RecordedP
                 raise InputFileError(str(error)) from None
             file = folder / Path(str(described.get("file"))).name
             frame = number_of(described)
-            row = _row(file, read_tags(file), alt_datum) if poses else None
+            row = None if poses is None else _row(file, read_tags(file), poses)
             if row is not None:
                 key: dict[str, float] = {name: value for name, value in stamp.items() if name == "time_unix"}
                 rows.append({**key, **({} if frame is None else {"frame": frame}), **row})
@@ -157,17 +185,18 @@ def _stamped(folder: Path, poses: bool, alt_datum: AltDatum | None) -> RecordedP
 
 
 def _photographs(
-    files: list[Path], start: datetime | None, alt_datum: AltDatum | None, *, timed: bool
+    files: list[Path], start: datetime | None, options: PoseOptions | None, *, timed: bool
 ) -> RecordedPictures:
     metadata = [read_tags(file) for file in files]
-    times = _times(files, metadata, start) if timed else list(map(float, range(len(files))))
+    has_times = start is not None or all(utc_time(each) is not None for each in metadata)
+    times = _times(files, metadata, start) if timed or has_times else list(map(float, range(len(files))))
     order = sorted(range(len(files)), key=lambda i: times[i])
     poses: list[PoseRow] = []
 
     def read() -> Iterator[Picture]:
         for number, i in enumerate(order):
             stamp = {"time_unix": round(times[i], 6)}
-            row = _row(files[i], metadata[i], alt_datum)
+            row = None if options is None else _row(files[i], metadata[i], options)
             if row is not None:
                 poses.append({"frame": number, **stamp, **row})
             exposure_s = finite_number(metadata[i].exif.get(EXPOSURE))
@@ -192,30 +221,6 @@ def _times(files: list[Path], metadata: list[PictureTags], start: datetime | Non
         if time_s is None:
             raise InputFileError(f"{file}: its EXIF has neither a time with a zone nor GPS time; {WANTED_START}")
     return [time_s for time_s in times if time_s is not None]
-
-
-def _video(path: Path, start: datetime | None) -> RecordedPictures:
-    """A video's frames, by its own times counted from ``start``."""
-    if start is None:
-        raise InputFileError(f"{path}: a video has no time of day; {WANTED_START}")
-    capture: Any = cv2.VideoCapture(str(path))
-    if not capture.isOpened():
-        raise InputFileError(f"{path}: not a video or picture that OpenCV reads")
-
-    def read() -> Iterator[Picture]:
-        number = 0
-        while True:
-            ok, pixels = capture.read()
-            if not ok:
-                break
-            at_s = start.timestamp() + capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            yield Picture(pixels, {"time_unix": round(at_s, 6)}, number)
-            number += 1
-        capture.release()
-        if number == 0:
-            raise InputFileError(f"{path}: no frame of it can be read")
-
-    return RecordedPictures(count=max(1, int(capture.get(cv2.CAP_PROP_FRAME_COUNT))), pictures=read(), poses=[])
 
 
 def _pixels(path: Path) -> Any:

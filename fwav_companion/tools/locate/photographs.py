@@ -13,7 +13,7 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.photographs.exif_tags import orientation
 from fwav_companion.photographs.files import read_tags, with_stated_size
 from fwav_companion.photographs.lens_from_tags import lens_from_field_of_view, lens_from_tags
-from fwav_companion.photographs.picture_pose import NoLens, NoPose, PictureLens, PicturePose
+from fwav_companion.photographs.picture_pose import NoLens, NoPose, PictureLens, PicturePose, with_angles
 from fwav_companion.photographs.pose_from_tags import pose_from_tags
 from fwav_companion.photographs.table_poses import with_pose_of_table
 from fwav_companion.photographs.tags import PictureTags
@@ -95,10 +95,7 @@ def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:
 
 
 def _pose(path: Path, found: PicturePose | NoPose, options: CameraOptions) -> PicturePose:
-    given = options.angles_deg
-    bare = found.place if isinstance(found, NoPose) else found
-    if given is not None and bare is not None:
-        return msgspec.structs.replace(bare, roll_deg=given[0], pitch_deg=given[1], yaw_deg=given[2])
+    found = with_angles(found, options.angles_deg)
     if isinstance(found, NoPose):
         raise InputFileError(f"{path}: {found.reason}")
     return found

@@ -98,6 +98,8 @@ class FlightData(msgspec.Struct, frozen=True, kw_only=True):
     """Time from the first line to the last."""
     version: str
     origin: Geodetic | None
+    has_altitude: bool
+    """Whether the origin's altitude above the sea is known; with poses above the take-off it is not."""
     targets: list[TargetSeries]
     variant: TrackingVariant
     """The variant that made the estimates."""
@@ -170,7 +172,7 @@ def flight_data(
     dropped = summary.get("dropped", {})
     sightings = [line for line in lines if line["type"] == "sighting"]
     place = next((line["origin"] for line in lines if line["type"] in ("header", "origin") and line["origin"]), None)
-    origin = Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"]) if place else None
+    origin = Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"] or 0.0) if place else None
     plane = TangentPlane(origin) if origin else None
     start, end = _span([*lines, *chain.from_iterable(other.lines for other in others)], header["unix_offset_s"])
     used = [line for line in sightings if line["reason"] is None]
@@ -182,6 +184,7 @@ def flight_data(
         seconds=end - start,
         version=header["version"],
         origin=origin,
+        has_altitude=place is not None and place["alt_amsl"] is not None,
         targets=target_series(lines, others=others, truth=truth, plane=plane, start_unix=start, position_errors=errors),
         variant=variant,
         path=estimated_path(used) if true_path is None else [[(n, e) for n, e, _ in true_path.positions_ned]],

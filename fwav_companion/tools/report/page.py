@@ -47,6 +47,7 @@ def page(flight: FlightData, more: Iterable[str] = (), second: SecondFlight | No
 
 def _foot(flight: FlightData) -> str:
     origin = flight.origin
-    where = f"Origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL. " if origin else ""
+    height = f", {origin.alt_amsl_m:.1f} m AMSL" if origin and flight.has_altitude else ""
+    where = f"Origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}{height}. " if origin else ""
     notes = "".join(f"<p>{escape(note)}</p>" for note in flight.notes)
     return f"<footer>{notes}<p>{where}fwav-companion {escape(flight.version)}.</p></footer>"

@@ -20,7 +20,8 @@ class OriginObject(msgspec.Struct):
 
     lat: float
     lon: float
-    alt_amsl: float
+    alt_amsl: float | None
+    """None where altitudes count from the take-off."""
 
 
 class HeaderLine(msgspec.Struct, tag="header"):
