@@ -47,6 +47,7 @@ REMEDIES: Final[Mapping[Reason, str]] = {
     Reason.NO_HEIGHT: "wait for the position; check the ground model's source of height",
     Reason.RANGE_TILTED: "usual in steep turns",
     Reason.TWO_GROUNDS: "look further down, or use a finer elevation model",
+    Reason.NO_TERRAIN: "use files without voids, or a coarser file beside them",
     Reason.WEAK_EVIDENCE: "usual when a target comes into view again, and near the ground",
     Reason.NEVER_CONFIRMED: "usual for false detections",
     Reason.NOT_SEEN: "usual when a target left or was a false detection",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-from math import hypot, isfinite, sqrt
+from collections.abc import Sequence
+from math import exp, hypot, isfinite, sqrt
 
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
-from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, cross, dot, norm, scale, transform, unit
 from fwav_companion.localization.covariance import (
     BiasVariances,
@@ -18,7 +17,9 @@ from fwav_companion.localization.covariance import (
     noise_variances,
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection, lowered
+from fwav_companion.localization.ground_profile import turned_aside, turned_up
 from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
+from fwav_companion.localization.terrain_ground import TerrainGround
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
 LARGEST_STRETCH = 0.15
@@ -39,14 +40,30 @@ WALL = 0.7
 ground about it matters."""
 UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 """Normal of ground that is level on average; not :data:`LEVEL_NORMAL`, whose points lie exactly at its level."""
-SIGMA_POINTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
-SIGMA_WEIGHTS = (0.0545, 0.2442, 0.4026, 0.2442, 0.0545)
-"""Density of a normal distribution at these sigmas, normalised."""
+TURN_SIGMAS = tuple(0.25 * step for step in range(-10, 11))
+"""Angles at which the distance of the ground is taken, in sigmas: a jump is placed to an eighth of a sigma."""
+TURN_WEIGHTS = tuple(exp(-0.5 * sigmas * sigmas) for sigmas in TURN_SIGMAS)
+"""Density of a normal distribution at these angles, not normalised."""
+NEEDED_TURNS = TURN_SIGMAS.index(2.0) + 1
+"""Angles that need a place on the model: rays up to two sigmas shallower."""
+SIDE_SIGMAS, SIDE_WEIGHT = sqrt(3.0), 1.0 / 6.0
+"""Outer points of the three-point Gauss-Hermite rule, and the weight of each."""
+MOST_TURN = 0.3
+"""Largest sigma of the angle that is examined, radians."""
 MOST_REACH = 0.3
 """Largest reach that is examined: two sigma of it still lead to the plane about the point."""
-EDGE_SIGMAS, LEAST_EDGE_M = 4.0, 2.0
-"""Bounds on the difference between the step in distance of two neighbouring rays and that step on a plane, in sigmas of
-the ray's length and in metres. Beyond both, the two points are further apart than the covariance of either allows."""
+EDGE_SIGMAS = 1.645
+"""Places beyond this angle have less than 5 % of the probability: a claim of 90 % need not hold them."""
+CLAIM_95 = 2.4477
+"""Semi-axis of a 95 % ellipse in sigmas."""
+MOST_WIDENED = 1.5
+"""Largest factor by which a claim is widened so that its 95 % ellipse holds every place within EDGE_SIGMAS."""
+LEAST_EDGE_M = 2.0
+"""Distance of two places, metres, up to which they count as one."""
+LEAST_UPRIGHT = 0.02
+"""Least down component of a normal for which an error along the ray is expressed as one of the ground's level."""
+LEAST_PLANAR_DESCENT = 0.3
+"""Least descent of a turned ray to the plane about the point, as a part of the ray's own descent."""
 
 
 class Localizer:
@@ -131,9 +148,7 @@ class Localizer:
             return meeting
         if meeting.normal is LEVEL_NORMAL:
             return lowered(meeting, raised_m)
-        north, east, down = sighting.camera_ned
-        below = msgspec.structs.replace(sighting, camera_ned=(north, east, down + raised_m))
-        return self.ground.meet(below, direction)
+        return self.ground.meet(self._lowered(sighting), direction)
 
     def _stretch_variance(self, stretch: RangeSensitivity, noise: NoiseVariances) -> float:
         """The variance of the relative error of the ray's length by all errors that turn the ray."""
@@ -207,29 +222,81 @@ class Localizer:
         """One sigma of the ground's level, metres, that represents the ground's shape about the point in the
         covariance.
 
-        Rays that are steeper and shallower by one and two sigma of the ray's length are intersected too, weighted by
-        the density of a normal distribution. The scatter of their distances about those on a plane shows the ground's
-        shape. Where the points of two neighbouring rays are much further apart than on a plane, an edge hides the
-        ground between them: there are two possible points, and an ellipse cannot describe them.
+        The ray's angle in its vertical plane is normal, and one walk along the ground gives the distance of the ground
+        at each angle: their scatter about the distances on a plane is integrated. An edge near the ray makes two
+        groups of distances. One claim can hold both where it holds every place within EDGE_SIGMAS; otherwise the
+        answer is refused. To the sides three rays suffice.
         """
-        axis = cross(direction, meeting.normal)
         descent = dot(meeting.normal, direction)
-        tilt = norm(axis) / descent
-        if tilt < LEAST_TILT:
+        tilt = norm(cross(direction, meeting.normal)) / descent
+        if tilt < LEAST_TILT or not isinstance(self.ground, TerrainGround):
             return 0.0
-        distances, planar = [], []
-        for sigmas in SIGMA_POINTS:
-            turned = rotate(exp(scale(axis, sigmas * reach / (tilt * norm(axis)))), direction)
-            other = meeting if sigmas == 0.0 else self._meet(sighting, turned)
-            if isinstance(other, NoFix):
-                return NoFix(Reason.TOO_SHALLOW) if other.reason is Reason.ABOVE_HORIZON else other
-            distances.append(other.distance_m)
-            planar.append(meeting.distance_m * descent / dot(meeting.normal, turned))
-        steps = (abs((b - a) - (d - c)) for (a, b), (c, d) in zip(pairwise(distances), pairwise(planar), strict=True))
-        if max(steps) > max(EDGE_SIGMAS * reach * meeting.distance_m, LEAST_EDGE_M):
+        by_place = sqrt(self._bias.north) * direction[2] / meeting.distance_m
+        sigma = min(hypot(reach / tilt, by_place), MOST_TURN)
+        low = self._lowered(sighting)
+        distances = self.ground.turned_distances(low, direction, [sigma * each for each in TURN_SIGMAS])
+        if distances is None:
+            return 0.0
+        if len(distances) < NEEDED_TURNS:
+            return self._beyond(low, turned_up(direction, TURN_SIGMAS[NEEDED_TURNS - 1] * sigma))
+        extra, farthest = _scatter(meeting, direction, sigma, distances)
+        extra += self._scatter_to_sides(low, direction, meeting, sigma)
+        linear_m2 = (reach * meeting.distance_m) ** 2
+        claimed_m = sqrt(linear_m2 + extra)
+        if farthest > max(CLAIM_95 * claimed_m, LEAST_EDGE_M):
+            if farthest > CLAIM_95 * MOST_WIDENED * claimed_m:
+                return NoFix(Reason.TWO_GROUNDS)
+            extra = (farthest / CLAIM_95) ** 2 - linear_m2
+        if sqrt(extra) > LARGEST_STRETCH * meeting.distance_m:
             return NoFix(Reason.TWO_GROUNDS)
-        extra = sum(w * ((a - b) ** 2) for w, a, b in zip(SIGMA_WEIGHTS, distances, planar, strict=True))
-        return sqrt(extra) * descent
+        return sqrt(extra) * descent / max(meeting.normal[2], LEAST_UPRIGHT)
+
+    def _scatter_to_sides(self, sighting: Sighting, direction: Vector3, meeting: Intersection, sigma: float) -> float:
+        """Variance of the distance about that on a plane by turns to the sides, m^2: the heading's error, too."""
+        sigma = hypot(sigma, hypot(direction[0], direction[1]) * sqrt(self._bias.heading))
+        variance = 0.0
+        for side in (-SIDE_SIGMAS * sigma, SIDE_SIGMAS * sigma):
+            turned = turned_aside(direction, side)
+            other = self.ground.meet(sighting, turned)
+            if isinstance(other, Intersection):
+                variance += SIDE_WEIGHT * (other.distance_m - _planar_m(meeting, direction, turned)) ** 2
+        return variance
+
+    def _lowered(self, sighting: Sighting) -> Sighting:
+        """The sighting from a camera that is lower by the height of the detected point above its foot."""
+        north, east, down = sighting.camera_ned
+        raised_m = sighting.anchor_height_m
+        return (
+            sighting
+            if raised_m == 0.0
+            else msgspec.structs.replace(sighting, camera_ned=(north, east, down + raised_m))
+        )
+
+    def _beyond(self, sighting: Sighting, turned: Vector3) -> NoFix:
+        """The reason why a ray that errors may lead to has no place on the model."""
+        other = self.ground.meet(sighting, turned)
+        if isinstance(other, NoFix):
+            return NoFix(Reason.TOO_SHALLOW) if other.reason is Reason.ABOVE_HORIZON else other
+        return NoFix(Reason.BEYOND_TERRAIN)
+
+
+def _scatter(
+    meeting: Intersection, direction: Vector3, sigma: float, distances: Sequence[float]
+) -> tuple[float, float]:
+    """(variance of the distances about those on a plane, m^2; largest difference of one within EDGE_SIGMAS, metres)."""
+    variance = farthest = 0.0
+    for weight, sigmas, distance_m in zip(TURN_WEIGHTS, TURN_SIGMAS, distances, strict=False):
+        planar_m = _planar_m(meeting, direction, turned_up(direction, sigmas * sigma))
+        variance += weight * (distance_m - planar_m) ** 2
+        if abs(sigmas) <= EDGE_SIGMAS:
+            farthest = max(farthest, abs(distance_m - meeting.distance_m))
+    return variance / sum(TURN_WEIGHTS[: len(distances)]), farthest
+
+
+def _planar_m(meeting: Intersection, direction: Vector3, turned: Vector3) -> float:
+    """Distance along a turned ray to the plane about the point; at most several times that of the ray itself."""
+    descent = dot(meeting.normal, direction)
+    return meeting.distance_m * descent / max(dot(meeting.normal, turned), LEAST_PLANAR_DESCENT * descent)
 
 
 def _point(meeting: Intersection, direction: Vector3) -> Vector3:

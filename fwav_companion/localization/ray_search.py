@@ -36,7 +36,9 @@ class Hit(msgspec.Struct, frozen=True, gc=False):
     lon_deg: float
 
 
-class _RayPlace(msgspec.Struct, frozen=True, gc=False):
+class RayPlace(msgspec.Struct, frozen=True, gc=False):
+    """A point of a ray; the height is in the datum of the model."""
+
     lat_deg: float
     lon_deg: float
     height_m: float
@@ -49,28 +51,49 @@ def first_hit(
 
     None where the ray leaves the model or meets a void before it meets the ground.
     """
-    here, cells = _place(plane, start_ned, raised_m), 0
+    found = _walked(model, plane, start_ned, direction, raised_m)
+    return found if isinstance(found, Hit) else None
+
+
+def end_of_cells(
+    model: ElevationModel, plane: TangentPlane, start_ned: Vector3, direction: Vector3, raised_m: float
+) -> tuple[float, float] | None:
+    """Latitude and longitude, degrees, where a ray without an intersection comes to no cell; None: it is too long."""
+    found = _walked(model, plane, start_ned, direction, raised_m)
+    return None if isinstance(found, Hit) else found
+
+
+def _walked(
+    model: ElevationModel, plane: TangentPlane, start_ned: Vector3, direction: Vector3, raised_m: float
+) -> Hit | tuple[float, float] | None:
+    here, cells = place_of(plane, start_ned, raised_m), 0
     for piece in range(MOST_PIECES):
-        there = _place(plane, add(start_ned, scale(direction, (piece + 1) * PIECE_M)), raised_m)
-        there = msgspec.structs.replace(there, lon_deg=_unwrapped(there.lon_deg, here.lon_deg))
+        there = place_of(plane, add(start_ned, scale(direction, (piece + 1) * PIECE_M)), raised_m, near=here)
         at = 0.0
         while at < 1.0:
-            cell = model.cell_at(*_between(here, there, min(1.0, at + NUDGE)))
+            place = between(here, there, min(1.0, at + NUDGE))
+            cell = model.cell_at(*place)
             cells += 1
-            if cell is None or cells > MOST_CELLS:
+            if cell is None:
+                return place
+            if cells > MOST_CELLS:
                 return None
-            found, leaves = _cross(cell, here, there, at)
+            found, end = _cross(cell, here, there, at)
             if found is not None:
-                return Hit((piece + found) * PIECE_M, cell, *_between(here, there, found))
-            at = max(leaves, at + NUDGE)
+                return Hit((piece + found) * PIECE_M, cell, *between(here, there, found))
+            at = max(end, at + NUDGE)
         here = there
     return None
 
 
-def _place(plane: TangentPlane, ned: Vector3, raised_m: float) -> _RayPlace:
-    """A point of the ray by latitude, longitude and height in the datum of the model."""
+def place_of(plane: TangentPlane, ned: Vector3, raised_m: float, near: RayPlace | None = None) -> RayPlace:
+    """A point of the ray by latitude, longitude and height in the datum of the model.
+
+    ``near``: a point whose longitude differs by less than 180 degrees, also across the antimeridian.
+    """
     place = plane.geodetic_from_ned(ned)
-    return _RayPlace(degrees(place.lat), degrees(place.lon), place.alt_amsl_m - raised_m)
+    lon_deg = degrees(place.lon) if near is None else _unwrapped(degrees(place.lon), near.lon_deg)
+    return RayPlace(degrees(place.lat), lon_deg, place.alt_amsl_m - raised_m)
 
 
 def _unwrapped(lon_deg: float, near_deg: float) -> float:
@@ -78,7 +101,7 @@ def _unwrapped(lon_deg: float, near_deg: float) -> float:
     return lon_deg - 360.0 * floor((lon_deg - near_deg + 180.0) / 360.0)
 
 
-def _between(here: _RayPlace, there: _RayPlace, part: float) -> tuple[float, float]:
+def between(here: RayPlace, there: RayPlace, part: float) -> tuple[float, float]:
     """(latitude, longitude) at a part of the way from ``here`` to ``there``, degrees."""
     return (
         here.lat_deg + part * (there.lat_deg - here.lat_deg),
@@ -86,18 +109,29 @@ def _between(here: _RayPlace, there: _RayPlace, part: float) -> tuple[float, flo
     )
 
 
-def _cross(cell: Cell, here: _RayPlace, there: _RayPlace, at: float) -> tuple[float | None, float]:
+def _cross(cell: Cell, here: RayPlace, there: RayPlace, at: float) -> tuple[float | None, float]:
     """(intersection with the cell's surface or None, exit from the cell), as parts of the piece."""
     south, east = cell.fractions(here.lat_deg, here.lon_deg)
-    by_south = -(there.lat_deg - here.lat_deg) / cell.lat_step_deg
-    by_east = (there.lon_deg - here.lon_deg) / cell.lon_step_deg
-    leaves = min(1.0, _leaves(south, by_south), _leaves(east, by_east))
+    by_south, by_east = _speeds(cell, here, there)
+    end = min(1.0, _leaves(south, by_south), _leaves(east, by_east))
     a, b, c, d = cell.polynomial()
     # height above the surface: p + q t + r t^2
     p = here.height_m - (a + b * south + c * east + d * south * east)
     q = there.height_m - here.height_m - (b * by_south + c * by_east + d * (south * by_east + east * by_south))
     r = -d * by_south * by_east
-    return _first_descent(p, q, r=r, at=at, end=leaves), leaves
+    return _first_descent(p, q, r=r, at=at, end=end), end
+
+
+def leaves(cell: Cell, here: RayPlace, there: RayPlace) -> float:
+    """Exit from the cell, as a part of the piece."""
+    south, east = cell.fractions(here.lat_deg, here.lon_deg)
+    by_south, by_east = _speeds(cell, here, there)
+    return min(_leaves(south, by_south), _leaves(east, by_east))
+
+
+def _speeds(cell: Cell, here: RayPlace, there: RayPlace) -> tuple[float, float]:
+    """Cells that a piece runs to the south and to the east."""
+    return (here.lat_deg - there.lat_deg) / cell.lat_step_deg, (there.lon_deg - here.lon_deg) / cell.lon_step_deg
 
 
 def _leaves(start: float, speed: float) -> float:

@@ -7,8 +7,9 @@ shift is part of the variance of the fixes until HOME_POSITION, a landing or a l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
-from math import cos, degrees, isnan, radians, sin, sqrt
+from math import cos, degrees, hypot, isnan, radians, sin, sqrt
 
 import msgspec
 
@@ -16,7 +17,8 @@ from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic,
 from fwav_companion.geometry.vectors import Vector3, unit
 from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
-from fwav_companion.localization.ray_search import Hit, first_hit
+from fwav_companion.localization.ground_profile import turned_distances
+from fwav_companion.localization.ray_search import Hit, end_of_cells, first_hit
 from fwav_companion.types import NoFix, Reason, Sighting, TakeOff, TakeOffSource
 from fwav_companion.types.flight_status import GroundReport
 
@@ -170,13 +172,14 @@ class TerrainGround:
         camera = plane.geodetic_from_ned(sighting.camera_ned)
         below_m = model.height_m(degrees(camera.lat), degrees(camera.lon)) + self._raised_m
         if isnan(below_m):
-            return NoFix(Reason.BEYOND_TERRAIN)
+            inside = model.covers(degrees(camera.lat), degrees(camera.lon))
+            return NoFix(Reason.NO_TERRAIN if inside else Reason.BEYOND_TERRAIN)
         height_m = camera.alt_amsl_m - below_m
         if height_m <= 0.0:
             return NoFix(Reason.TOO_LOW)
         hit = first_hit(model, plane, start_ned=sighting.camera_ned, direction=direction, raised_m=self._raised_m)
         if hit is None:
-            return NoFix(Reason.BEYOND_TERRAIN if direction[2] > 0.0 else Reason.ABOVE_HORIZON)
+            return NoFix(self._why_none(model, plane, sighting.camera_ned, direction))
         return Intersection(
             sighting.camera_ned,
             hit.distance_m,
@@ -184,8 +187,24 @@ class TerrainGround:
             "terrain",
             normal=_normal(hit),
             surveyed=True,
-            level_doubt_m=0.0 if self.shift is None else self.shift.sigma_m,
+            level_doubt_m=hypot(hit.cell.filled_sigma_m, 0.0 if self.shift is None else self.shift.sigma_m),
         )
+
+    def _why_none(self, model: ElevationModel, plane: TangentPlane, start: Vector3, direction: Vector3) -> Reason:
+        """The reason why a ray meets no ground: it rises, meets a void, or leaves the model."""
+        if not direction[2] > 0.0:
+            return Reason.ABOVE_HORIZON
+        ended = end_of_cells(model, plane, start, direction, self._raised_m)
+        return Reason.NO_TERRAIN if ended is not None and model.covers(*ended) else Reason.BEYOND_TERRAIN
+
+    def turned_distances(self, sighting: Sighting, direction: Vector3, turns: Sequence[float]) -> list[float] | None:
+        """Distances to the model along the ray turned up by each of the rising angles, radians; None without a model.
+
+        The list is shorter than ``turns`` where the model ends, or has a void, before the last one.
+        """
+        if self._model is None or self._plane is None or sighting.relative:
+            return None
+        return turned_distances(self._model, self._plane, sighting.camera_ned, direction, self._raised_m, turns=turns)
 
     def _meet_report(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         height_m = sighting.state.terrain_height_m

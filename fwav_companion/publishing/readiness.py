@@ -58,6 +58,10 @@ NO_FIX = {
         NoticeCode.NOT_READY_NO_HEIGHT,
         "no elevation data at this place: add its file to [ground] terrain",
     ),
+    Reason.NO_TERRAIN: (
+        NoticeCode.NOT_READY_NO_HEIGHT,
+        "the elevation model has a void at this place: use a file without it",
+    ),
     Reason.NO_GIMBAL: (
         NoticeCode.NOT_READY_NO_GIMBAL,
         "no attitude from the gimbal: check its link and [camera.mount] gimbal_device_id",

@@ -102,6 +102,11 @@ DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
         "look beyond the elevation model",
         "add the neighbouring files to [ground] terrain",
     ),
+    Reason.NO_TERRAIN: (
+        Level.WARNING,
+        "meet a void of the elevation model",
+        "use files without voids in [ground] terrain, or a coarser file beside them",
+    ),
     Reason.TERRAIN_UNFIT: (
         Level.ERROR,
         "meet an elevation model that disagrees with the take-off height",

@@ -181,7 +181,7 @@ class _Problem:
         return (
             float(down - level[0]),
             np.array([-level[1], -level[2], 1.0]),
-            max(1e-3, self.surface.sigma_m(self._height(index))),
+            max(1e-3, self.surface.sigma_m(self._height(index), float(north), float(east))),
         )
 
     def _height(self, index: int) -> float:

@@ -31,8 +31,8 @@ REASONS = {
     "above_horizon": "it is above the horizon",
     "near_horizon": "it is too near the horizon: within three sigmas of the camera's tilt",
     "too_low": "the camera would be below the ground; check the altitudes and their datums",
-    "beyond_terrain": "the elevation model does not cover the camera's place",
-    "no_terrain": "the ray leaves the elevation model, or meets a void, before the ground",
+    "beyond_terrain": "the elevation model ends before the ray meets the ground; give the neighbouring files, too",
+    "no_terrain": "the ray meets a void of the elevation model that is too wide to be filled",
 }
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, degrees, isnan, radians
+from math import cos, degrees, hypot, isnan, radians
 from typing import Protocol
 
 from fwav_companion.geometry.earth import SEMI_MAJOR_M, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, add, scale
 from fwav_companion.localization.elevation import ElevationModel
-from fwav_companion.localization.ray_search import first_hit
+from fwav_companion.localization.ray_search import end_of_cells, first_hit
 
 LEAST_DESCENT = 1e-4
 """Least downward part of a unit ray: 0.006 degrees below the horizon."""
@@ -24,7 +24,7 @@ class Surface(Protocol):
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:
         """(down, d down/d north, d down/d east) of the ground; None outside of it."""
 
-    def sigma_m(self, height_m: float) -> float:
+    def sigma_m(self, height_m: float, north: float, east: float) -> float:
         """One sigma of the ground's level at a target, seen from ``height_m`` above."""
 
 
@@ -49,7 +49,7 @@ class FlatSurface:
         """The same everywhere."""
         return (self._down, 0.0, 0.0)
 
-    def sigma_m(self, height_m: float) -> float:
+    def sigma_m(self, height_m: float, north: float, east: float) -> float:  # noqa: ARG002
         """The relief: a floor, or a part of the height above ground if that is more."""
         return max(self._sigma, self._per_height * height_m)
 
@@ -70,7 +70,10 @@ class TerrainSurface:
             return "too_low"
         hit = first_hit(self._model, self._plane, camera_ned, direction, self._raised)
         if hit is None:
-            return "no_terrain" if direction[2] > 0.0 else "above_horizon"
+            if direction[2] <= 0.0:
+                return "above_horizon"
+            end = end_of_cells(self._model, self._plane, camera_ned, direction, self._raised)
+            return "no_terrain" if end is not None and self._model.covers(*end) else "beyond_terrain"
         return add(camera_ned, scale(direction, hit.distance_m))
 
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:
@@ -90,6 +93,8 @@ class TerrainSurface:
         down = self._plane.origin.alt_amsl_m - height - self._raised
         return (down, (b + d * along) / north_m, -(c + d * south) / east_m)
 
-    def sigma_m(self, height_m: float) -> float:  # noqa: ARG002
-        """That of the model's heights."""
-        return self._sigma
+    def sigma_m(self, height_m: float, north: float, east: float) -> float:  # noqa: ARG002
+        """That of the model's heights, and of a void that was filled."""
+        place = self._plane.geodetic_from_ned((north, east, 0.0))
+        cell = self._model.cell_at(degrees(place.lat), degrees(place.lon))
+        return self._sigma if cell is None else hypot(self._sigma, cell.filled_sigma_m)

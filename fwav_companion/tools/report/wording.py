@@ -49,6 +49,7 @@ REASONS = {
     "no_height": "The height above the ground was not known.",
     "no_range": "The rangefinder had no usable reading at the capture time.",
     "range_tilted": "The rangefinder did not point down at the capture time.",
+    "no_terrain": "The line of sight meets a void of the elevation model that is too wide to be filled.",
     "beyond_terrain": "The line of sight leaves the elevation model before it meets the ground.",
     "terrain_unfit": "The elevation model disagrees with the take-off height.",
     "weak_evidence": "The detection alone did not show whether it was of a known target near it.",

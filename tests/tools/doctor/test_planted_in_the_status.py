@@ -103,6 +103,7 @@ REASONS = (
     "attitude_gap",
     "beyond_terrain",
     "no_range",
+    "no_terrain",
     "not_finite",
     "stale_attitude",
     "terrain_unfit",

@@ -109,7 +109,8 @@ def test_each_reason_is_of_frames_of_detections_or_of_tracks():
     detections = {
         "not_finite", "outside_image", "low_score", "other_label", "no_attitude", "stale_attitude", "attitude_gap",
         "before_history", "no_gimbal", "stale_gimbal", "no_position", "outside_lens", "above_horizon", "too_shallow",
-        "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "terrain_unfit", "two_grounds", "no_pose",
+        "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "no_terrain",
+        "terrain_unfit", "two_grounds", "no_pose",
         "weak_evidence",
     }  # fmt: skip
     tracks = {"never_confirmed", "not_seen", "not_seen_long", "origin_set", "autopilot_rebooted", "replaced",
