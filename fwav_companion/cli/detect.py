@@ -133,15 +133,16 @@ def _pose_options(arguments: argparse.Namespace) -> PoseOptions:
     from fwav_companion.cli.pose_options import given_angles, given_poses
     from fwav_companion.photographs.klv import TimeScale
     from fwav_companion.photographs.picture_pose import AltDatum
-    from fwav_companion.tools.detect.recorded_pictures import PoseOptions
+    from fwav_companion.tools.detect.recorded_pictures import PoseOptions, picture_files
 
     if arguments.takeoff_alt is not None and not -500.0 <= arguments.takeoff_alt <= 9000.0:
         raise UserError(f"--takeoff-alt {arguments.takeoff_alt:g}: accepted: -500 to 9000 metres above sea level")
+    given = given_poses(arguments, lambda: picture_files(arguments.pictures))
     return PoseOptions(
         takeoff_alt_m=arguments.takeoff_alt,
         alt_datum=None if arguments.alt_datum is None else AltDatum(arguments.alt_datum),
         angles_deg=given_angles(arguments),
-        table=given_poses(arguments),
+        table=None if given is None else given.poses,
         klv_time=TimeScale(arguments.klv_time),
     )
 

@@ -57,7 +57,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--camera", metavar="FILE", type=Path, help="a camera file in place of the lens by the tags")
     add("--hfov", metavar="DEG", type=float, help="horizontal field of view, where the tags have no lens")
     add("--angles", metavar="ROLL,PITCH,YAW", help="of the camera, degrees, where the tags have none; -90 looks down")
-    add("--poses", metavar="FILE", type=Path, help="poses in place of the tags': of OpenDroneMap, Pix4D or Metashape")
+    add(
+        "--poses",
+        metavar="FILE",
+        type=Path,
+        help="poses in place of the tags': of OpenDroneMap, Pix4D, Metashape or COLMAP",
+    )
     add("--poses-crs", metavar="CRS", help="coordinate system of --poses where it names none, as EPSG:32632")
     add("--terrain", metavar="FILE", nargs="+", type=Path, default=[], help="elevation files: .hgt, GeoTIFF")
     add("--ground-alt", metavar="M", type=float, help="flat ground at this altitude above sea level")
@@ -217,8 +222,10 @@ def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
     if arguments.camera is not None:
         file, camera = file_and_camera(str(arguments.camera))
         calibration = parse_calibration(text_of(Path(file)), file, camera=camera)
+    given = given_poses(arguments, lambda: [] if is_video(arguments.pictures) else pictures(arguments.pictures))
     return CameraOptions(
-        table=given_poses(arguments),
+        table=None if given is None else given.poses,
+        lenses={} if given is None else given.lenses,
         calibration=calibration,
         hfov_deg=arguments.hfov,
         angles_deg=given_angles(arguments),

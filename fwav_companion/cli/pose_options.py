@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
-    from fwav_companion.photographs.picture_pose import NoPose, PicturePose
+    from fwav_companion.photographs.picture_pose import NoPose, PictureLens, PicturePose
 
 
 def given_angles(arguments: argparse.Namespace) -> tuple[float, float, float] | None:
@@ -21,17 +22,43 @@ def given_angles(arguments: argparse.Namespace) -> tuple[float, float, float] | 
     return (roll, pitch, yaw)
 
 
-def given_poses(arguments: argparse.Namespace) -> dict[str, PicturePose | NoPose] | None:
-    """The poses of --poses by the pictures' names. InputFileError where the file is none of the known tables."""
-    from fwav_companion.photographs.pose_tables import parse_pose_table
+class GivenPoses(NamedTuple):
+    """What a file of --poses says about pictures, by their names."""
+
+    poses: Mapping[str, PicturePose | NoPose]
+    lenses: Mapping[str, PictureLens]
+
+
+def given_poses(arguments: argparse.Namespace, pictures: Callable[[], Sequence[Path]]) -> GivenPoses | None:
+    """The poses of --poses. InputFileError where the file is none of the known tables.
+
+    ``pictures``: returns the files whose positions align a model that has no place on the map.
+    """
+    from fwav_companion.photographs.pose_tables import is_colmap, parse_pose_table
     from fwav_companion.photographs.table_crs import required_crs
     from fwav_companion.photographs.table_poses import poses_of_table
 
     crs = None if arguments.poses_crs is None else required_crs(arguments.poses_crs)
     if arguments.poses is None:
         return None
-    name = str(arguments.poses)
-    return poses_of_table(parse_pose_table(text_of(arguments.poses), name), name, crs)
+    path: Path = arguments.poses
+    path, name = (path / "images.txt" if path.is_dir() else path), str(arguments.poses)
+    text = text_of(path)
+    if is_colmap(text):
+        return _of_colmap(path, text, pictures())
+    return GivenPoses(poses_of_table(parse_pose_table(text, name), name, crs), {})
+
+
+def _of_colmap(path: Path, text: str, pictures: Sequence[Path]) -> GivenPoses:
+    require("--poses of COLMAP", "numpy", "PIL")
+    from fwav_companion.photographs.colmap import aligned_poses, parse_colmap
+    from fwav_companion.photographs.files import read_tags
+    from fwav_companion.photographs.pose_from_tags import pose_from_tags
+
+    cameras = path.with_name("cameras.txt")
+    model = parse_colmap(text, text_of(cameras) if cameras.is_file() else "", str(path))
+    tagged = {each.name: pose_from_tags(read_tags(each)) for each in pictures}
+    return GivenPoses(aligned_poses(model, tagged, str(path)), model.lens_by_file())
 
 
 def numbers(option: str, text: str, names: Sequence[str], largest: float) -> list[float]:

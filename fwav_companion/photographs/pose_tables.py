@@ -42,6 +42,7 @@ OWN_COLUMN: Final = "roll_deg"
 """In the header of the files of poses that `detect` writes and `replay` reads."""
 PICTURE_OF_PIX4D: Final = re.compile(r"^(.+?)\s+\d+\s+\d+$")
 COLMAP: Final = re.compile(r"#.*IMAGE_ID,\s*QW", re.IGNORECASE)
+FIRST_LINES: Final = 6
 
 
 class TablePose(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,14 +81,20 @@ def is_pose_table(text: str) -> bool:
     return any(is_it(first, text) for is_it, _, _ in READERS)
 
 
+def is_colmap(text: str) -> bool:
+    """Whether the content is COLMAP's images.txt, by the remarks at its beginning."""
+    return any(COLMAP.search(line) for line in text.splitlines()[:FIRST_LINES])
+
+
 def parse_pose_table(text: str, name: str) -> PoseTable:
     """The rows. InputFileError with the first line where the content is none of the known tables."""
     lines = [line.strip() for line in text.removeprefix("\ufeff").splitlines()]
     filled = [(number, line) for number, line in enumerate(lines, start=1) if line]
     first = filled[0][1] if filled else ""
-    if any(COLMAP.search(line) for _, line in filled[:6]):
+    if is_colmap(text):
         raise InputFileError(
-            f"{name}: its first line is {first[:60]!r}: COLMAP's world has no place on the map; accepted: {ACCEPTED}"
+            f"{name}: its first line is {first[:60]!r}: COLMAP's world has no place on the map; accepted: in `locate` "
+            f"and `detect` with pictures whose tags have positions; {ACCEPTED}"
         )
     for is_it, program, read in READERS:
         if is_it(first, text):

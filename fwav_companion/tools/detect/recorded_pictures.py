@@ -149,6 +149,12 @@ def folder_of(path: Path) -> Path:
     return path / PICTURES if (path / STAMPS).is_file() else path
 
 
+def picture_files(path: Path) -> list[Path]:
+    """The pictures of a folder, a recording or a path of one. InputFileError where there are none."""
+    path = folder_of(path)
+    return _files(path) if path.is_dir() else [path]
+
+
 def _files(folder: Path) -> list[Path]:
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     if not files:

@@ -34,6 +34,8 @@ class CameraOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Roll, pitch and yaw of the camera, for pictures without; [camera.mount]'s rule."""
     table: Mapping[str, PicturePose | NoPose] | None = None
     """Poses by the pictures' names, in place of those of the tags."""
+    lenses: Mapping[str, PictureLens] = {}
+    """Lenses by the pictures' names, in place of those of the tags."""
 
 
 class Photograph(msgspec.Struct, frozen=True, kw_only=True):
@@ -113,6 +115,8 @@ def _lens(path: Path, tags: PictureTags, options: CameraOptions) -> tuple[Lens, 
     if options.hfov_deg is not None:
         focal = 0.5 * tags.size[0] / tan(0.5 * radians(options.hfov_deg))
         return _made(path, lens_from_field_of_view(tags.size, focal, GIVEN_FIELD_SIGMA, "--hfov"), tags.size)
+    if path.name in options.lenses:
+        return _made(path, options.lenses[path.name], tags.size)
     found = lens_from_tags(with_stated_size(tags))
     if isinstance(found, NoLens):
         raise InputFileError(f"{path}: {found.reason}")
