@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from fwav_companion.tools.locate.session import LocateOptions
 
 EXIT_NO_PLACE = 1
+MANY_PICTURES = 50
+"""Pictures from which reading them shows its progress: half a second."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -84,7 +86,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _located(arguments: argparse.Namespace) -> int:
     require("locate", "numpy", "PIL")
-    from fwav_companion.tools.locate.photographs import read_photographs
     from fwav_companion.tools.locate.session import LocateSession, NoAnswer
 
     if arguments.http is not None:
@@ -94,14 +95,14 @@ def _located(arguments: argparse.Namespace) -> int:
     if is_video(arguments.pictures):
         photographs, clicks = _frames(arguments)
     elif arguments.detect:
-        photographs = read_photographs(pictures(arguments.pictures), _camera_options(arguments))
+        photographs = read_with_progress(pictures(arguments.pictures), _camera_options(arguments))
         clicks = _detections(arguments, photographs)
     else:
         paths = pictures(arguments.pictures)
         clicks = _clicks(arguments, [path.name for path in paths])
         wanted = {click.file for click in clicks}
         paths = [path for path in paths if path.name in wanted] or paths
-        photographs = read_photographs(paths, _camera_options(arguments))
+        photographs = read_with_progress(paths, _camera_options(arguments))
     session = LocateSession(photographs, _ground_options(arguments))
     answers = session.located(clicks)
     if isinstance(answers, NoAnswer):
@@ -124,6 +125,18 @@ def _located(arguments: argparse.Namespace) -> int:
 
         print(msgspec.json.encode(answers).decode())
     return 0
+
+
+def read_with_progress(paths: Sequence[Path], options: CameraOptions) -> list[Photograph]:
+    """The pictures, with a progress bar where there are many."""
+    from fwav_companion.tools.locate.photographs import read_photographs
+
+    if len(paths) < MANY_PICTURES:  # the bar's library takes longer to load than a few pictures
+        return read_photographs(paths, options)
+    from fwav_companion.cli.progress import steps
+
+    with steps("pictures", len(paths)) as step:
+        return read_photographs(paths, options, step=step)
 
 
 def _print(answers: PlaceAnswers) -> None:

@@ -59,8 +59,7 @@ def serve_page(arguments: argparse.Namespace, camera: CameraOptions, ground: Loc
 
 
 def _shelf(given: list[Path], camera: CameraOptions) -> Shelf:
-    from fwav_companion.cli.locate import is_video, pictures
-    from fwav_companion.tools.locate.photographs import read_photographs
+    from fwav_companion.cli.locate import is_video, pictures, read_with_progress
     from fwav_companion.tools.locate_page.shelf import PhotographShelf, VideoShelf
 
     if is_video(given):
@@ -69,4 +68,4 @@ def _shelf(given: list[Path], camera: CameraOptions) -> Shelf:
         if not video.is_file():
             raise InputFileError(f"{video}: no such file; accepted: a video")
         return VideoShelf(video, camera)
-    return PhotographShelf(read_photographs(pictures(given), camera))
+    return PhotographShelf(read_with_progress(pictures(given), camera))

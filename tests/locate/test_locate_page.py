@@ -247,11 +247,12 @@ def test_click_in_a_video_frame_adds_the_frame(tmp_path):
 def test_expected_ellipse_holds_the_target_as_often_as_it_claims(pictures, shelf):
     """Monte Carlo of the click alone (other errors exact): its noise goes through the place into the other picture."""
     from fwav_companion.tools.locate.clicks import PictureClick
+    from fwav_companion.tools.locate.heights import VerticalOptions
     from fwav_companion.tools.locate.world import Configured
 
     rng, sigma_px, inside, draws = np.random.default_rng(5), 3.0, 0, 400
     exact = Configured(position_bias_m=0.0, height_bias_m=0.0, mount_bias_deg=0.0, heading_bias_deg=0.0, terrain_m=0.0)
-    session = LocateSession(shelf.photographs([]), LocateOptions(configured=exact))
+    session = LocateSession(shelf.photographs([]), LocateOptions(configured=exact, vertical=VerticalOptions(takeoff_alt_m=400.0)))
     import msgspec
 
     shots = [

@@ -193,28 +193,45 @@ def _stamped(folder: Path, poses: PoseOptions | None) -> RecordedPictures:
 def _photographs(
     files: list[Path], start: datetime | None, options: PoseOptions | None, *, timed: bool
 ) -> RecordedPictures:
-    metadata = [read_tags(file) for file in files]
-    has_times = start is not None or all(utc_time(each) is not None for each in metadata)
-    times = _times(files, metadata, start) if timed or has_times else list(map(float, range(len(files))))
+    facts = [_facts(file, options) for file in files]
+    has_times = start is not None or all(each.utc_s is not None for each in facts)
+    times = _times(files, facts, start) if timed or has_times else list(map(float, range(len(files))))
     order = sorted(range(len(files)), key=lambda i: times[i])
     poses: list[PoseRow] = []
 
     def read() -> Iterator[Picture]:
         for number, i in enumerate(order):
-            stamp = {"time_unix": round(times[i], 6)}
-            row = None if options is None else _row(files[i], metadata[i], options)
+            stamp, row = {"time_unix": round(times[i], 6)}, facts[i].row
             if row is not None:
                 poses.append({"frame": number, **stamp, **row})
-            exposure_s = finite_number(metadata[i].exif.get(EXPOSURE))
-            yield Picture(_pixels(files[i]), stamp, number, exposure_s, file=files[i].name)
+            yield Picture(_pixels(files[i]), stamp, number, facts[i].exposure_s, file=files[i].name)
 
     return RecordedPictures(count=len(files), pictures=read(), poses=poses)
 
 
-def _times(files: list[Path], metadata: list[PictureTags], start: datetime | None) -> list[float]:
+class _Facts(msgspec.Struct, frozen=True):
+    """What is kept of a photograph's tags, which are large."""
+
+    utc_s: float | None
+    local: datetime | None
+    exposure_s: float | None
+    row: dict[str, str | float | int] | None
+
+
+def _facts(file: Path, options: PoseOptions | None) -> _Facts:
+    tags = read_tags(file)
+    return _Facts(
+        utc_time(tags),
+        local_time(tags),
+        finite_number(tags.exif.get(EXPOSURE)),
+        None if options is None else _row(file, tags, options),
+    )
+
+
+def _times(files: list[Path], facts: list[_Facts], start: datetime | None) -> list[float]:
     """Unix times; with ``start`` by the camera's clock from the first picture on."""
     if start is not None:
-        local = [local_time(each) for each in metadata]
+        local = [each.local for each in facts]
         if len(files) == 1:
             return [start.timestamp()]
         for file, time in zip(files, local, strict=True):
@@ -222,7 +239,7 @@ def _times(files: list[Path], metadata: list[PictureTags], start: datetime | Non
                 raise InputFileError(f"{file}: no time in its EXIF; accepted: pictures with one, or {STAMPS_FILE}")
         known = [time for time in local if time is not None]
         return [start.timestamp() + (time - min(known)).total_seconds() for time in known]
-    times = [utc_time(each) for each in metadata]
+    times = [each.utc_s for each in facts]
     for file, time_s in zip(files, times, strict=True):
         if time_s is None:
             raise InputFileError(f"{file}: its EXIF has neither a time with a zone nor GPS time; {WANTED_START}")

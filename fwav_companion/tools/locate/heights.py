@@ -19,6 +19,8 @@ from fwav_companion.photographs.picture_pose import AltDatum, Altitude, PictureP
 
 TRUSTED_M = 5.0
 """Largest shared sigma of an absolute altitude that is used without the take-off's, metres."""
+PRECISE_M = 0.5
+"""Own sigma of an absolute altitude below which it counts in place of the barometer's: RTK."""
 WARN_BETWEEN_M = 15.0
 """Difference of absolute altitude and take-off plus relative height beyond which it is reported, metres."""
 
@@ -49,6 +51,8 @@ class VerticalScale(msgspec.Struct, frozen=True, kw_only=True):
     heights: tuple[CameraHeight, ...]
     flat_ground_m: float | None
     """Height of flat ground on this scale; None with an elevation model."""
+    flat_ground_sigma_m: float = 0.0
+    """One sigma of it in addition to the relief, metres: of a take-off below cameras whose altitude is by RTK."""
     takeoff_alt_m: float | None
     """Altitude of the take-off above EGM96; None where it is not known."""
     takeoff_sigma_m: float = 0.0
@@ -98,14 +102,15 @@ def _above_flat_takeoff(
     if takeoff is None and both:
         takeoff = median(absolute.metres - relative.metres for absolute, relative in both)
         takeoff_sigma = hypot(both[0][0].sigma.shared, both[0][1].sigma.shared)
-    heights = []
+    heights, ground_sigma = [], 0.0
     for name, absolute, relative in zip(names, absolutes, relatives, strict=True):
-        precise = absolute is not None and takeoff is not None and absolute.sigma.own < 0.5 and relative is not None
+        precise = absolute is not None and takeoff is not None and absolute.sigma.own < PRECISE_M
         if precise and absolute is not None and relative is not None and takeoff is not None:
-            shared = absolute.sigma.shared
-            if options.takeoff_alt_m is None:  # the level is the median of all pictures' relative heights
-                shared = hypot(relative.sigma.shared, relative.sigma.own / sqrt(len(both)))
-            heights.append(CameraHeight(absolute.metres - takeoff, Sigma(absolute.sigma.own, shared)))
+            # Above the sea these heights are exact. How far the take-off is below them is by the barometer, whose error
+            # is one of the ground's height: it moves the place, and not the altitude of what is seen from two sides.
+            heights.append(CameraHeight(absolute.metres - takeoff, absolute.sigma))
+            if options.takeoff_alt_m is None:
+                ground_sigma = hypot(relative.sigma.shared, relative.sigma.own / sqrt(len(both)))
         elif relative is not None:
             heights.append(CameraHeight(relative.metres, relative.sigma))
         elif absolute is not None and takeoff is not None:
@@ -122,8 +127,9 @@ def _above_flat_takeoff(
         level=AltDatum.TAKEOFF,
         heights=tuple(heights),
         flat_ground_m=0.0,
+        flat_ground_sigma_m=ground_sigma,
         takeoff_alt_m=takeoff,
-        takeoff_sigma_m=takeoff_sigma,
+        takeoff_sigma_m=takeoff_sigma if ground_sigma == 0.0 else 0.0,
         notes=tuple(dict.fromkeys(notes)),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import radians, tan
 from pathlib import Path
 
@@ -66,12 +66,19 @@ class Photograph(msgspec.Struct, frozen=True, kw_only=True):
         return _stored(stored, self.viewed_size, inverse)
 
 
-def read_photographs(paths: Sequence[Path], options: CameraOptions, *, as_stated: bool = False) -> list[Photograph]:
+def read_photographs(
+    paths: Sequence[Path], options: CameraOptions, *, as_stated: bool = False, step: Callable[[], object] = int
+) -> list[Photograph]:
     """The pictures in their order. InputFileError names the first without pose or lens, and what to give.
 
-    ``as_stated``: the pictures stand for larger ones, whose size is in EXIF (a hook for tests).
+    ``as_stated``: the pictures stand for larger ones, whose size is in EXIF (a hook for tests). ``step`` is called
+    after each.
     """
-    return [_read(path, options, as_stated) for path in paths]
+    photographs = []
+    for path in paths:
+        photographs.append(_read(path, options, as_stated))
+        step()
+    return photographs
 
 
 def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:

@@ -31,7 +31,11 @@ class Surface(Protocol):
 class FlatSurface:
     """Level ground at one altitude, with relief around it."""
 
-    def __init__(self, down_m: float, sigma_m: float, sigma_per_height: float = 0.0) -> None:
+    def __init__(
+        self, down_m: float, sigma_m: float, sigma_per_height: float = 0.0, level_sigma_m: float = 0.0
+    ) -> None:
+        """``level_sigma_m``: of the level as a whole, beside the relief."""
+        self._level_sigma = level_sigma_m
         self._down = down_m
         self._sigma = sigma_m
         self._per_height = sigma_per_height
@@ -51,7 +55,7 @@ class FlatSurface:
 
     def sigma_m(self, height_m: float, north: float, east: float) -> float:  # noqa: ARG002
         """The relief: a floor, or a part of the height above ground if that is more."""
-        return max(self._sigma, self._per_height * height_m)
+        return hypot(self._level_sigma, max(self._sigma, self._per_height * height_m))
 
 
 class TerrainSurface:

@@ -81,7 +81,8 @@ def make_world(
     if elevation is None:
         flat = scale.flat_ground_m or 0.0
         relief = RELIEF_M if configured.terrain_m is None else configured.terrain_m
-        surface = FlatSurface(-flat, relief, RELIEF_PER_HEIGHT if configured.terrain_m is None else 0.0)
+        per_height = RELIEF_PER_HEIGHT if configured.terrain_m is None else 0.0
+        surface = FlatSurface(-flat, relief, per_height, scale.flat_ground_sigma_m)
     else:
         raised = -geoid.undulation_m(first.lat_deg, first.lon_deg) if terrain_datum == "ellipsoid" else 0.0
         sigma = RELIEF_M if configured.terrain_m is None else configured.terrain_m
