@@ -43,9 +43,9 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--telemetry", metavar="F.tlog", nargs="+",
         help="the MAVLink recording, in one or more parts; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
     add("--poses", metavar="CSV",
-        help="in place of --telemetry, for photographs with poses: frame or time_unix, lat, lon, alt_amsl, roll_deg, "
-        "pitch_deg, yaw_deg of the camera, optionally position_sigma_m, height_sigma_m, attitude_sigma_deg; [ground] "
-        "model fixed or terrain")  # fmt: skip
+        help="in place of --telemetry, for photographs or a video with poses: what `detect --poses-out` writes (file, "
+        "frame or time_unix, lat, lon, alt with alt_datum, roll_deg, pitch_deg, yaw_deg of the camera), or a table of "
+        "OpenDroneMap, Pix4D or Metashape")  # fmt: skip
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
     add("--config", metavar="FILE", help="the configuration, as `init` writes one")
     add("--out", metavar="T.jsonl", help="the targets file to write; - for stdout: other output then goes to stderr")
@@ -208,6 +208,11 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
     for text in notice_texts(summary):
         print(f"  {text}", file=stream)
     _print_landmarks(summary.get("landmarks", ()), stream)
+    if summary.get("shared_errors"):
+        from fwav_companion.tools.locate.answers import shared_line
+
+        for shared in summary["shared_errors"]:
+            print(f"  {shared_line(shared)}", file=stream)
     if "errors" in summary:
         _print_errors(summary["errors"], stream)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os.path import realpath
 from pathlib import Path
 from typing import TypedDict
@@ -39,6 +39,7 @@ from fwav_companion.replay.telemetry_files import load_telemetry
 from fwav_companion.replay.user_filter import load_own_filter
 from fwav_companion.service.configured_files import load_calibration, load_elevation
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.types import Sighting
 
 MOST_TOLD = 10
 """Largest number of damaged places of one file that are reported individually."""
@@ -87,8 +88,17 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
             "truth": truth,
         }
         if isinstance(self.recording, Photographs):
-            return replay_photographs(self.recording, config, self.calibration, **options)
+            return replay_photographs(
+                self.recording, config, self.calibration, **options, shared_errors=self._shared_errors
+            )
         return replay(self.recording, config, self.calibration, **options)
+
+    def _shared_errors(
+        self, sights: Mapping[int, Sequence[Sighting]], config: Config, downs: Sequence[float]
+    ) -> list[Line]:
+        from fwav_companion.tools.locate.replayed_sights import shared_errors
+
+        return list(shared_errors(sights, self.calibration.lens, config, downs))
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:

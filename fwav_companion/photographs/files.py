@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import msgspec
 
@@ -27,7 +29,7 @@ def read_tags(path: Path) -> PictureTags:
     from PIL import Image
 
     try:
-        with opened(path) as file, warnings.catch_warnings():
+        with opened(path) as file, warnings.catch_warnings(), _pixels_uncounted(Image):
             warnings.simplefilter("ignore")  # Pillow's about sizes and broken tags: the answer is one line or none
             with Image.open(file) as image:
                 size = image.size
@@ -44,6 +46,16 @@ def read_tags(path: Path) -> PictureTags:
     if size[0] * size[1] > LARGEST_PICTURE:
         raise InputFileError(f"{path}: {size[0]} x {size[1]} pixels; accepted: at most {LARGEST_PICTURE // 10**6} Mpx")
     return PictureTags(size=size, xmp=xmp_values(packet.decode("utf-8", "replace")), exif={**main, **own}, gps=gps)
+
+
+@contextmanager
+def _pixels_uncounted(library: Any) -> Iterator[None]:
+    """Pillow refuses to open pictures of 179 Mpx and more, for what decoding them may cost: here no pixel is decoded."""
+    most, library.MAX_IMAGE_PIXELS = library.MAX_IMAGE_PIXELS, None
+    try:
+        yield
+    finally:
+        library.MAX_IMAGE_PIXELS = most
 
 
 def _searched(file: BinaryIO) -> bytes:

@@ -48,7 +48,7 @@ def pose_from_tags(tags: PictureTags) -> PicturePose | NoPose:
     layout = _layout(tags)
     place = _place(tags, layout)
     if place is None:
-        return NoPose("no position in its XMP or EXIF")
+        return NoPose("no position in its XMP or EXIF (messengers remove it: use the original file)")
     if place == (0.0, 0.0):
         return NoPose("its position is 0, 0: the receiver had no fix")
     if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):

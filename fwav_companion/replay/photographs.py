@@ -5,7 +5,7 @@ There is no autopilot: the camera's pose takes the place of the vehicle's state,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import degrees, inf, nextafter
 from statistics import median
 
@@ -25,8 +25,10 @@ from fwav_companion.recording.lines import Line
 from fwav_companion.recording.photograph_poses import SHARED, PhotographPose, PosesFile, SharedSigmas
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
+from fwav_companion.replay.kept_sights import KeptSights, SharedErrors
 from fwav_companion.replay.photograph_source import PhotographSource, least_sigmas
 from fwav_companion.replay.recorded import SkippedLine, read_frames
+from fwav_companion.tracking import Settled
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import (
     Frame,
@@ -81,8 +83,12 @@ def replay_photographs(
     own_filter: Filter | None = None,
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
+    shared_errors: SharedErrors | None = None,
 ) -> Iterator[Line]:
-    """The lines of a targets file, header first, summary last. With truth the summary has ``errors``."""
+    """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
+
+    ``shared_errors``: what it returns is the summary's ``shared_errors``.
+    """
     origin = _origin(photographs.poses, config)
     total = photographs.sigmas_are_total
     moves = photographs.shared.time_offset_sigma_s is not None
@@ -96,8 +102,11 @@ def replay_photographs(
     camera.placed(source.plane, TakeOff(origin, TakeOffSource.POSES), None)
     tally = ErrorTally(truth) if truth else None
     on_takeoff = photographs.poses[0].above_takeoff
-    for written in _lines(photographs.frames, source, camera, log):
+    kept = None if shared_errors is None or config.tracking.motion == "moving" else KeptSights()
+    for written in _lines(photographs.frames, source, camera, log, kept):
         line = _above_takeoff(written) if on_takeoff else written
+        if kept is not None and shared_errors is not None and line["type"] == "summary":
+            line = {**line, "shared_errors": shared_errors(kept.confirmed(), config, kept.downs())}
         if tally is not None:
             tally.add(line)
             if line["type"] == "summary":
@@ -116,15 +125,22 @@ def _above_takeoff(line: Line) -> Line:
 
 
 def _lines(
-    frames: Sequence[Frame | NoFrame], source: PhotographSource, camera: CameraPipeline, log: TargetLog
+    frames: Sequence[Frame | NoFrame],
+    source: PhotographSource,
+    camera: CameraPipeline,
+    log: TargetLog,
+    kept: KeptSights | None,
 ) -> Iterator[Line]:
+    def settle(settled: Iterable[Settled]) -> None:
+        log.settle(settled if kept is None else kept.add(settled), source.plane)
+
     now = reported = HostNs(0)
     for frame in frames:
         if isinstance(frame, NoFrame):
             log.drop_frames(frame.reason)
             continue
         now = HostNs(max(now, frame.stamp_ns))
-        log.settle(camera.settle(now), source.plane)
+        settle(camera.settle(now))
         source.take(frame)
         camera.on_frame(msgspec.structs.replace(frame, arrival_ns=None), now)
         camera.take_ready(now)
@@ -132,7 +148,7 @@ def _lines(
             reported = now
             _report_calibration(camera, log, now)
         yield from log.take()
-    log.settle(camera.finish(now), source.plane)
+    settle(camera.finish(now))
     _report_calibration(camera, log, now)
     log.write(log.summary())
     yield from log.take()

@@ -362,6 +362,23 @@ def test_biases_of_the_pictures_source_count_unless_the_configuration_states_the
     assert np.sqrt(np.diag(cov)[:2]) == pytest.approx([np.sqrt(tilt**2 + pixel**2 + place**2)] * 2, rel=2e-3)
 
 
+def test_a_heading_error_of_all_pictures_is_reported_from_several_sides(tmp_path):
+    """All poses are turned by 5 degrees about the vertical: the summary says so, with its sigma."""
+    turned = []
+    for (place, angles), (claimed, euler) in photographs(30):
+        turned.append(((place, angles), (claimed, (euler[0], euler[1], euler[2] + np.radians(5.0)))))
+    config = FIXED.replace('"fixed"', '"altitude"').replace("height_m = 60.0", f"alt_amsl = {TARGET[2]}")
+    done = run_command(*written(tmp_path, turned, config=config, sigmas=",0.1,0.1,0.1"), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    shared = {each["error"]: each for each in lines_of(tmp_path)[-1]["shared_errors"]}
+    # written there: heading_bias_deg 2, mount_bias_deg 1; the rotation about the axis of a camera that looks down is
+    # shared between both in the ratio of their variances
+    assert "heading" in shared or "mount_z" in shared
+    together = sum(shared[name]["value"] for name in ("heading", "mount_z") if name in shared)
+    assert together == pytest.approx(5.0, abs=1.5)
+    assert "shared by all pictures" in done.stdout
+
+
 def test_poses_by_file_are_joined_by_the_names_of_the_detections(tmp_path):
     words = written(tmp_path, photographs(5))
     text = (tmp_path / "poses.csv").read_text().splitlines()

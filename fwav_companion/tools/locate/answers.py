@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees, hypot, log, sqrt
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
-from fwav_companion.tools.locate.shots import PixelPrediction, Place, SharedError, SightsEstimate
+from fwav_companion.tools.locate.shots import PixelPrediction, Place, SharedError, SharedEstimate, SightsEstimate
 from fwav_companion.tools.locate.world import PictureWorld
 
 SHARE: Final = 0.95
@@ -105,17 +105,7 @@ def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, as
     """The answers in the order of the targets."""
     return PlaceAnswers(
         targets=[_answer(place, world, geoid) for place in estimate.places],
-        shared=[
-            {
-                "error": each.error.name.lower(),
-                "group": each.group,
-                "unit": _unit(each.error),
-                "value": _in_unit(each.error, each.value),
-                "sigma": _in_unit(each.error, each.sigma),
-                "prior_sigma": _in_unit(each.error, each.prior),
-            }
-            for each in estimate.shared
-        ],
+        shared=[shared_as_dict(each) for each in estimate.shared],
         assumed=list(dict.fromkeys(assumed)),
         contradiction=estimate.contradiction,
     )
@@ -146,7 +136,19 @@ def answer_lines(answer: PlaceAnswer) -> list[str]:
     return lines
 
 
-def shared_line(shared: dict[str, Any]) -> str:
+def shared_as_dict(each: SharedEstimate) -> dict[str, Any]:
+    """One shared error in its unit."""
+    return {
+        "error": each.error.name.lower(),
+        "group": each.group,
+        "unit": _unit(each.error),
+        "value": _in_unit(each.error, each.value),
+        "sigma": _in_unit(each.error, each.sigma),
+        "prior_sigma": _in_unit(each.error, each.prior),
+    }
+
+
+def shared_line(shared: Mapping[str, Any]) -> str:
     """What the sights say about one shared error."""
     return (
         f"shared by all pictures: {shared['error']} {shared['value']:+.2f} {shared['unit']} "

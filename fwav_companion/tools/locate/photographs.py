@@ -21,6 +21,8 @@ from fwav_companion.types import Lens, Pixel
 
 SAME_SHAPE = 0.01
 """Largest relative difference of the aspect ratios of a resized picture and of its original."""
+FIRST_SIDEWAYS = 5
+"""EXIF orientations from this one on exchange width and height."""
 GIVEN_FIELD_SIGMA = 0.02
 """One sigma of a focal length by --hfov."""
 
@@ -91,7 +93,12 @@ def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:
     lens, focal_sigma, notes = _lens(path, tags, options)
     turned = orientation(tags)
     if turned != 1:
-        notes = (*notes, f"EXIF orientation {turned}: pixels count in the picture as a viewer turns it")
+        width, height = tags.size if turned < FIRST_SIDEWAYS else tags.size[::-1]
+        notes = (
+            *notes,
+            f"EXIF orientation {turned}: pixels count in the picture as a viewer turns it, {width} x {height}, and not as "
+            f"it is stored, {tags.size[0]} x {tags.size[1]}",
+        )
     return Photograph(
         path=path,
         size=tags.size,
