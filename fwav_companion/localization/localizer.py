@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import exp, hypot, isfinite, sqrt
+from math import hypot, isfinite, sqrt
 
 import msgspec
 
@@ -18,6 +17,16 @@ from fwav_companion.localization.covariance import (
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection, lowered
 from fwav_companion.localization.ground_profile import turned_aside, turned_up
+from fwav_companion.localization.ground_shape import (
+    MOST_REACH,
+    MOST_TURN,
+    NEEDED_TURNS,
+    SIDE_SIGMAS,
+    SIDE_WEIGHT,
+    TURN_SIGMAS,
+    RayOnSurface,
+    level_scatter_m,
+)
 from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
 from fwav_companion.localization.terrain_ground import TerrainGround
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
@@ -40,30 +49,6 @@ WALL = 0.7
 ground about it matters."""
 UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 """Normal of ground that is level on average; not :data:`LEVEL_NORMAL`, whose points lie exactly at its level."""
-TURN_SIGMAS = tuple(0.25 * step for step in range(-10, 11))
-"""Angles at which the distance of the ground is taken, in sigmas: a jump is placed to an eighth of a sigma."""
-TURN_WEIGHTS = tuple(exp(-0.5 * sigmas * sigmas) for sigmas in TURN_SIGMAS)
-"""Density of a normal distribution at these angles, not normalised."""
-NEEDED_TURNS = TURN_SIGMAS.index(2.0) + 1
-"""Angles that need a place on the model: rays up to two sigmas shallower."""
-SIDE_SIGMAS, SIDE_WEIGHT = sqrt(3.0), 1.0 / 6.0
-"""Outer points of the three-point Gauss-Hermite rule, and the weight of each."""
-MOST_TURN = 0.3
-"""Largest sigma of the angle that is examined, radians."""
-MOST_REACH = 0.3
-"""Largest reach that is examined: two sigma of it still lead to the plane about the point."""
-EDGE_SIGMAS = 1.645
-"""Places beyond this angle have less than 5 % of the probability: a claim of 90 % need not hold them."""
-CLAIM_95 = 2.4477
-"""Semi-axis of a 95 % ellipse in sigmas."""
-MOST_WIDENED = 1.5
-"""Largest factor by which a claim is widened so that its 95 % ellipse holds every place within EDGE_SIGMAS."""
-LEAST_EDGE_M = 2.0
-"""Distance of two places, metres, up to which they count as one."""
-LEAST_UPRIGHT = 0.02
-"""Least down component of a normal for which an error along the ray is expressed as one of the ground's level."""
-LEAST_PLANAR_DESCENT = 0.3
-"""Least descent of a turned ray to the plane about the point, as a part of the ray's own descent."""
 
 
 class Localizer:
@@ -239,27 +224,24 @@ class Localizer:
             return 0.0
         if len(distances) < NEEDED_TURNS:
             return self._beyond(low, turned_up(direction, TURN_SIGMAS[NEEDED_TURNS - 1] * sigma))
-        extra, farthest = _scatter(meeting, direction, sigma, distances)
-        extra += self._scatter_to_sides(low, direction, meeting, sigma)
-        linear_m2 = (reach * meeting.distance_m) ** 2
-        claimed_m = sqrt(linear_m2 + extra)
-        if farthest > max(CLAIM_95 * claimed_m, LEAST_EDGE_M):
-            if farthest > CLAIM_95 * MOST_WIDENED * claimed_m:
-                return NoFix(Reason.TWO_GROUNDS)
-            extra = (farthest / CLAIM_95) ** 2 - linear_m2
-        if sqrt(extra) > LARGEST_STRETCH * meeting.distance_m:
-            return NoFix(Reason.TWO_GROUNDS)
-        return sqrt(extra) * descent / max(meeting.normal[2], LEAST_UPRIGHT)
+        level_m = level_scatter_m(
+            RayOnSurface(direction, meeting.normal, meeting.distance_m),
+            sigma,
+            distances,
+            linear_m=reach * meeting.distance_m,
+            side_m2=self._scatter_to_sides(low, direction, meeting, sigma),
+        )
+        return NoFix(Reason.TWO_GROUNDS) if level_m is None else level_m
 
     def _scatter_to_sides(self, sighting: Sighting, direction: Vector3, meeting: Intersection, sigma: float) -> float:
         """Variance of the distance about that on a plane by turns to the sides, m^2: the heading's error, too."""
         sigma = hypot(sigma, hypot(direction[0], direction[1]) * sqrt(self._bias.heading))
-        variance = 0.0
+        variance, ray = 0.0, RayOnSurface(direction, meeting.normal, meeting.distance_m)
         for side in (-SIDE_SIGMAS * sigma, SIDE_SIGMAS * sigma):
             turned = turned_aside(direction, side)
             other = self.ground.meet(sighting, turned)
             if isinstance(other, Intersection):
-                variance += SIDE_WEIGHT * (other.distance_m - _planar_m(meeting, direction, turned)) ** 2
+                variance += SIDE_WEIGHT * (other.distance_m - ray.planar_m(turned)) ** 2
         return variance
 
     def _lowered(self, sighting: Sighting) -> Sighting:
@@ -278,25 +260,6 @@ class Localizer:
         if isinstance(other, NoFix):
             return NoFix(Reason.TOO_SHALLOW) if other.reason is Reason.ABOVE_HORIZON else other
         return NoFix(Reason.BEYOND_TERRAIN)
-
-
-def _scatter(
-    meeting: Intersection, direction: Vector3, sigma: float, distances: Sequence[float]
-) -> tuple[float, float]:
-    """(variance of the distances about those on a plane, m^2; largest difference of one within EDGE_SIGMAS, metres)."""
-    variance = farthest = 0.0
-    for weight, sigmas, distance_m in zip(TURN_WEIGHTS, TURN_SIGMAS, distances, strict=False):
-        planar_m = _planar_m(meeting, direction, turned_up(direction, sigmas * sigma))
-        variance += weight * (distance_m - planar_m) ** 2
-        if abs(sigmas) <= EDGE_SIGMAS:
-            farthest = max(farthest, abs(distance_m - meeting.distance_m))
-    return variance / sum(TURN_WEIGHTS[: len(distances)]), farthest
-
-
-def _planar_m(meeting: Intersection, direction: Vector3, turned: Vector3) -> float:
-    """Distance along a turned ray to the plane about the point; at most several times that of the ray itself."""
-    descent = dot(meeting.normal, direction)
-    return meeting.distance_m * descent / max(dot(meeting.normal, turned), LEAST_PLANAR_DESCENT * descent)
 
 
 def _point(meeting: Intersection, direction: Vector3) -> Vector3:

@@ -50,7 +50,7 @@ def read_tags(path: Path) -> PictureTags:
 
 @contextmanager
 def _pixels_uncounted(library: Any) -> Iterator[None]:
-    """Pillow refuses to open pictures of 179 Mpx and more, for what decoding them may cost: here no pixel is decoded."""
+    """Pillow refuses to open pictures of 179 Mpx and more, for the cost of decoding: here no pixel is decoded."""
     most, library.MAX_IMAGE_PIXELS = library.MAX_IMAGE_PIXELS, None
     try:
         yield

@@ -252,7 +252,9 @@ def test_expected_ellipse_holds_the_target_as_often_as_it_claims(pictures, shelf
 
     rng, sigma_px, inside, draws = np.random.default_rng(5), 3.0, 0, 400
     exact = Configured(position_bias_m=0.0, height_bias_m=0.0, mount_bias_deg=0.0, heading_bias_deg=0.0, terrain_m=0.0)
-    session = LocateSession(shelf.photographs([]), LocateOptions(configured=exact, vertical=VerticalOptions(takeoff_alt_m=400.0)))
+    session = LocateSession(
+        shelf.photographs([]), LocateOptions(configured=exact, vertical=VerticalOptions(takeoff_alt_m=400.0))
+    )
     import msgspec
 
     shots = [

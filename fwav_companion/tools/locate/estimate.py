@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot, sqrt
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -49,7 +49,7 @@ class SightError(msgspec.Struct, frozen=True):
 
     sight: Sight
     reason: str
-    """outside_lens, above_horizon, near_horizon, too_low, beyond_terrain or no_terrain."""
+    """outside_lens, above_horizon, near_horizon, too_low, beyond_terrain, no_terrain or two_grounds."""
 
 
 def locate(
@@ -70,7 +70,8 @@ def locate(
     if isinstance(starts, SightError):
         return starts
     problem = _Problem(shots, sights, surface, shared_sigmas, labels)
-    problem.solve(starts)
+    problem.shape_m = starts.shape_m
+    problem.solve(starts.places)
     return problem.result(shots if predicted else ())
 
 
@@ -80,9 +81,13 @@ def _starts(
     surface: Surface,
     shared_sigmas: Sequence[Sequence[float]],
     labels: Sequence[str],
-) -> Array | SightError:
-    """The first places: weighted means of the intersections of each target's rays with the ground."""
+) -> _Starts | SightError:
+    """The first places: weighted means of the intersections of each target's rays with the ground.
+
+    A target whose ground is ambiguous for one sight may be clear by another one.
+    """
     total, weights = np.zeros((len(labels), 3)), np.zeros(len(labels))
+    shape_m: list[float | SightError | None] = [None] * len(labels)
     for sight in sights:
         shot = shots[sight.shot]
         ray = shot.lens.camera_ray_from_pixel(*sight.pixel)
@@ -100,7 +105,24 @@ def _starts(
         weight = direction[2] ** 4
         total[index] += weight * np.array(point)
         weights[index] += weight
-    return np.asarray(total / weights[:, None])
+        here = surface.shape_sigma_m(shot.camera_ned, direction, point, tilt)
+        before = shape_m[index]
+        if isinstance(here, str):
+            shape_m[index] = SightError(sight, here) if before is None else before
+        else:
+            shape_m[index] = min(here, before) if isinstance(before, float) else here
+    for each in shape_m:
+        if isinstance(each, SightError):
+            return each
+    known = tuple(each for each in shape_m if isinstance(each, float))
+    return _Starts(np.asarray(total / weights[:, None]), known)
+
+
+class _Starts(NamedTuple):
+    places: Array
+    """(targets, 3)."""
+    shape_m: tuple[float, ...]
+    """One sigma of the level by the shape of the ground about each target, metres."""
 
 
 class _Problem:
@@ -130,6 +152,7 @@ class _Problem:
         self.state: Array = np.zeros(self.size)
         self.cov: Array = np.zeros((self.size, self.size))
         self.cost = 0.0
+        self.shape_m: Sequence[float] = [0.0] * len(labels)
 
     def solve(self, starts: Array) -> None:
         """Gauss-Newton steps from the first places to the least sum of squares."""
@@ -181,7 +204,7 @@ class _Problem:
         return (
             float(down - level[0]),
             np.array([-level[1], -level[2], 1.0]),
-            max(1e-3, self.surface.sigma_m(self._height(index), float(north), float(east))),
+            hypot(1e-3, self.shape_m[index], self.surface.sigma_m(self._height(index), float(north), float(east))),
         )
 
     def _height(self, index: int) -> float:

@@ -94,11 +94,8 @@ def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:
     turned = orientation(tags)
     if turned != 1:
         width, height = tags.size if turned < FIRST_SIDEWAYS else tags.size[::-1]
-        notes = (
-            *notes,
-            f"EXIF orientation {turned}: pixels count in the picture as a viewer turns it, {width} x {height}, and not as "
-            f"it is stored, {tags.size[0]} x {tags.size[1]}",
-        )
+        said = f"EXIF orientation {turned}: pixels count as viewers turn the picture ({width} x {height})"
+        notes = (*notes, f"{said}, not as it is stored ({tags.size[0]} x {tags.size[1]})")
     return Photograph(
         path=path,
         size=tags.size,

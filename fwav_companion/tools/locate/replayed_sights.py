@@ -31,6 +31,10 @@ class LevelOfFixes:
             return "above_horizon"
         return add(camera_ned, scale(direction, (self._down - camera_ned[2]) / direction[2]))
 
+    def shape_sigma_m(self, camera_ned: Vector3, direction: Vector3, point: Vector3, tilt: float) -> float | str:  # noqa: ARG002
+        """0: it is not used."""
+        return 0.0
+
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:  # noqa: ARG002
         """None: the ground's height is not known here."""
         return None

@@ -32,6 +32,7 @@ REASONS = {
     "near_horizon": "it is too near the horizon: within three sigmas of the camera's tilt",
     "too_low": "the camera would be below the ground; check the altitudes and their datums",
     "beyond_terrain": "the elevation model ends before the ray meets the ground; give the neighbouring files, too",
+    "two_grounds": "an edge of the elevation model lies within the error: it may be before or behind it",
     "no_terrain": "the ray meets a void of the elevation model that is too wide to be filled",
 }
 

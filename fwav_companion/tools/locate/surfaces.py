@@ -6,8 +6,16 @@ from math import cos, degrees, hypot, isnan, radians
 from typing import Protocol
 
 from fwav_companion.geometry.earth import SEMI_MAJOR_M, TangentPlane
-from fwav_companion.geometry.vectors import Vector3, add, scale
+from fwav_companion.geometry.vectors import Vector3, add, cross, norm, scale, subtract, unit
 from fwav_companion.localization.elevation import ElevationModel
+from fwav_companion.localization.ground_profile import turned_distances
+from fwav_companion.localization.ground_shape import (
+    MOST_TURN,
+    NEEDED_TURNS,
+    TURN_SIGMAS,
+    RayOnSurface,
+    level_scatter_m,
+)
 from fwav_companion.localization.ray_search import end_of_cells, first_hit
 
 LEAST_DESCENT = 1e-4
@@ -20,6 +28,12 @@ class Surface(Protocol):
 
     def meet(self, camera_ned: Vector3, direction: Vector3) -> Vector3 | str:
         """The first point of a unit ray on the ground, or the named reason why there is none."""
+
+    def shape_sigma_m(self, camera_ned: Vector3, direction: Vector3, point: Vector3, tilt: float) -> float | str:
+        """One sigma of the level by the shape of the ground about a ray's end; or why one answer cannot tell.
+
+        ``tilt``: one sigma of the ray's angle in its vertical plane, radians.
+        """
 
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:
         """(down, d down/d north, d down/d east) of the ground; None outside of it."""
@@ -48,6 +62,10 @@ class FlatSurface:
         if direction[2] <= LEAST_DESCENT or height / direction[2] > FARTHEST_M:
             return "above_horizon"
         return add(camera_ned, scale(direction, height / direction[2]))
+
+    def shape_sigma_m(self, camera_ned: Vector3, direction: Vector3, point: Vector3, tilt: float) -> float | str:  # noqa: ARG002
+        """0: it has no shape."""
+        return 0.0
 
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:  # noqa: ARG002
         """The same everywhere."""
@@ -79,6 +97,24 @@ class TerrainSurface:
             end = end_of_cells(self._model, self._plane, camera_ned, direction, self._raised)
             return "no_terrain" if end is not None and self._model.covers(*end) else "beyond_terrain"
         return add(camera_ned, scale(direction, hit.distance_m))
+
+    def shape_sigma_m(self, camera_ned: Vector3, direction: Vector3, point: Vector3, tilt: float) -> float | str:
+        """By one walk along the ground below the ray; "two_grounds" where an edge makes two answers."""
+        level = self.level(point[0], point[1])
+        if level is None or tilt <= 0.0:
+            return 0.0
+        ray = RayOnSurface(direction, unit((-level[1], -level[2], 1.0)), norm(subtract(point, camera_ned)))
+        if ray.descent <= LEAST_DESCENT:
+            ray = RayOnSurface(direction, (0.0, 0.0, 1.0), ray.distance_m)
+        by_level = self._sigma * hypot(direction[0], direction[1]) / ray.distance_m
+        sigma = min(hypot(tilt, by_level), MOST_TURN)
+        turns = [each * sigma for each in TURN_SIGMAS]
+        distances = turned_distances(self._model, self._plane, camera_ned, direction, self._raised, turns=turns)
+        if len(distances) < NEEDED_TURNS:
+            return "beyond_terrain"
+        linear_m = sigma * ray.distance_m * norm(cross(direction, ray.normal)) / ray.descent
+        scatter_m = level_scatter_m(ray, sigma, distances, linear_m=linear_m)
+        return "two_grounds" if scatter_m is None else scatter_m
 
     def level(self, north: float, east: float) -> tuple[float, float, float] | None:
         """The height of the cell below and its slope."""
