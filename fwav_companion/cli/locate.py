@@ -242,7 +242,17 @@ def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
         calibration=calibration,
         hfov_deg=arguments.hfov,
         angles_deg=given_angles(arguments),
+        mount_deg=_mount(arguments),
     )
+
+
+def _mount(arguments: argparse.Namespace) -> tuple[float, float, float] | None:
+    if arguments.config is None:
+        return None
+    from fwav_companion.config import load
+
+    mount = load(arguments.config).camera.mount
+    return (mount.roll_deg, mount.pitch_deg, mount.yaw_deg)
 
 
 def _ground_options(arguments: argparse.Namespace) -> LocateOptions:

@@ -13,6 +13,8 @@ TIME, SUBSECONDS, OFFSET, EXPOSURE = 0x9003, 0x9291, 0x9011, 0x829A
 """DateTimeOriginal, SubSecTimeOriginal, OffsetTimeOriginal, ExposureTime."""
 FOCAL_35MM, DIGITAL_ZOOM, FOCAL_MM, WIDTH, HEIGHT = 0xA405, 0xA404, 0x920A, 0xA002, 0xA003
 GPS_TIME, GPS_DATE, LAT_REF, LAT, LON_REF, LON, ALT_REF, ALT = 7, 29, 1, 2, 3, 4, 5, 6
+DIRECTION_REF, DIRECTION = 16, 17
+"""GPSImgDirectionRef (T true, M magnetic) and GPSImgDirection."""
 LARGEST_LAT_DEG: Final = 90.0
 
 
@@ -29,6 +31,13 @@ def exif_place(tags: PictureTags) -> tuple[float, float] | None:
         return None
     south, west = _letter(tags.gps.get(LAT_REF)) == "S", _letter(tags.gps.get(LON_REF)) == "W"
     return (-lat if south else lat, -lon if west else lon)
+
+
+def exif_direction(tags: PictureTags) -> float | None:
+    """Direction of the image, degrees clockwise from true north; None without one, or from magnetic north."""
+    direction = finite_number(tags.gps.get(DIRECTION))
+    is_true = _letter(tags.gps.get(DIRECTION_REF)) != "M"
+    return direction if direction is not None and is_true and 0.0 <= direction <= 360.0 else None
 
 
 def exif_altitude(tags: PictureTags) -> float | None:

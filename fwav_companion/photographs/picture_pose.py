@@ -89,6 +89,8 @@ class NoPose(msgspec.Struct, frozen=True):
     """What is missing, and what to give instead."""
     place: PicturePose | None = None
     """The pose without angles, where only these are missing."""
+    has_heading: bool = False
+    """Whether the yaw of ``place`` is known: EXIF has the direction of the image."""
 
 
 def with_angles(found: PicturePose | NoPose, angles_deg: tuple[float, float, float] | None) -> PicturePose | NoPose:
@@ -98,6 +100,28 @@ def with_angles(found: PicturePose | NoPose, angles_deg: tuple[float, float, flo
         return found
     roll, pitch, yaw = angles_deg
     return msgspec.structs.replace(bare, roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
+
+
+LEVEL_TILT_DEG = 5.0
+"""One sigma of the tilt of a vehicle that is taken as level, degrees: a copter leans by this much in a breeze."""
+
+
+def with_mount(found: PicturePose | NoPose, mount_deg: tuple[float, float, float] | None) -> PicturePose | NoPose:
+    """The pose of a camera in a level vehicle, where EXIF has a direction and the user states the mount.
+
+    ``mount_deg``: roll, pitch and yaw of the mount; its yaw is part of the direction, which is the image's.
+    """
+    if mount_deg is None or not isinstance(found, NoPose) or found.place is None or not found.has_heading:
+        return found
+    place = found.place
+    own = Sigma(LEVEL_TILT_DEG, place.sigmas.attitude_deg.shared)
+    return msgspec.structs.replace(
+        place,
+        roll_deg=mount_deg[0],
+        pitch_deg=mount_deg[1],
+        sigmas=msgspec.structs.replace(place.sigmas, attitude_deg=own),
+        notes=(*place.notes, f"level vehicle with the mount of --config, within {LEVEL_TILT_DEG:g} degrees"),
+    )
 
 
 class PictureLens(msgspec.Struct, frozen=True, kw_only=True):

@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import euler_from_matrix, matrix_from_quaternion, quaternion_from_euler
 from fwav_companion.geometry.vectors import Matrix3, multiply
-from fwav_companion.photographs.exif_tags import MAKE, MODEL, exif_altitude, exif_place, text_of
+from fwav_companion.photographs.exif_tags import MAKE, MODEL, exif_altitude, exif_direction, exif_place, text_of
 from fwav_companion.photographs.makers import (
     BAROMETER,
     CONSUMER,
@@ -54,9 +54,10 @@ def pose_from_tags(tags: PictureTags) -> PicturePose | NoPose:
     if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         return NoPose(f"its position {place[0]:g}, {place[1]:g} is not a place on the earth")
     if layout is None:
-        bare = _pose(tags, LAYOUTS[-1], place, (0.0, 0.0, 0.0), ())
+        bare = _pose(tags, LAYOUTS[-1], place, (0.0, 0.0, exif_direction(tags) or 0.0), ())
         bare = msgspec.structs.replace(bare, layout="EXIF", sigmas=CONSUMER)
-        return NoPose("no camera angles in its XMP; give --angles ROLL,PITCH,YAW", bare)
+        has_heading = exif_direction(tags) is not None
+        return NoPose("no camera angles in its XMP; give --angles ROLL,PITCH,YAW", bare, has_heading=has_heading)
     angles = _angles(tags, layout)
     if isinstance(angles, str):
         return NoPose(angles, _pose(tags, layout, place, (0.0, 0.0, 0.0), ()))

@@ -108,3 +108,28 @@ def test_xmp_that_is_mutated_raises_nothing() -> None:
         tags = PictureTags(size=(40, 30), xmp=xmp_values("".join(text)), gps=GPS)
         assert isinstance(pose_from_tags(tags), PicturePose | NoPose)
         assert isinstance(lens_from_tags(tags), PictureLens | NoLens)
+
+
+def test_direction_of_exif_with_the_mount_of_the_configuration_is_a_pose(tmp_path, capsys):
+    """A geotagged picture of a camera that looks down in a level vehicle: position, altitude and direction in EXIF."""
+    import json
+
+    from PIL import Image
+
+    from fwav_companion.cli.main import main
+
+    path = tmp_path / "a.jpg"
+    image = Image.new("RGB", (400, 300))
+    exif = image.getexif()
+    exif.get_ifd(0x8825).update({1: "N", 2: (47.0, 0.0, 0.0), 3: "E", 4: (11.0, 0.0, 0.0), 6: 480.0, 16: "T", 17: 90.0})
+    image.save(path, exif=exif)
+    (tmp_path / "c.toml").write_text('[detections]\nurl = ""\n[camera.mount]\npitch_deg = -90.0\n')
+    words = ["locate", str(path), "--pixel", "199.5,0", "--hfov", "60", "--ground-alt", "400", "--json"]
+    assert main(words) == 2
+    assert "--angles" in capsys.readouterr().err
+    assert main([*words, "--config", str(tmp_path / "c.toml")]) == 0
+    answers = json.loads(capsys.readouterr().out.splitlines()[-1])
+    (target,) = answers["targets"]
+    assert target["lat"] == pytest.approx(47.0, abs=1e-6)
+    assert target["lon"] > 11.0003  # the image's top is in the east: 150 px of 346 are 35 m
+    assert any("level vehicle" in note for note in answers["assumed"])

@@ -13,7 +13,7 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.photographs.exif_tags import orientation
 from fwav_companion.photographs.files import read_tags, with_stated_size
 from fwav_companion.photographs.lens_from_tags import lens_from_field_of_view, lens_from_tags
-from fwav_companion.photographs.picture_pose import NoLens, NoPose, PictureLens, PicturePose, with_angles
+from fwav_companion.photographs.picture_pose import NoLens, NoPose, PictureLens, PicturePose, with_angles, with_mount
 from fwav_companion.photographs.pose_from_tags import pose_from_tags
 from fwav_companion.photographs.table_poses import with_pose_of_table
 from fwav_companion.photographs.tags import PictureTags
@@ -34,6 +34,8 @@ class CameraOptions(msgspec.Struct, frozen=True, kw_only=True):
     hfov_deg: float | None = None
     angles_deg: tuple[float, float, float] | None = None
     """Roll, pitch and yaw of the camera, for pictures without; [camera.mount]'s rule."""
+    mount_deg: tuple[float, float, float] | None = None
+    """Roll, pitch and yaw of [camera.mount], for pictures whose EXIF has a direction alone."""
     table: Mapping[str, PicturePose | NoPose] | None = None
     """Poses by the pictures' names, in place of those of the tags."""
     lenses: Mapping[str, PictureLens] = {}
@@ -108,7 +110,7 @@ def _read(path: Path, options: CameraOptions, as_stated: bool) -> Photograph:
 
 
 def _pose(path: Path, found: PicturePose | NoPose, options: CameraOptions) -> PicturePose:
-    found = with_angles(found, options.angles_deg)
+    found = with_mount(with_angles(found, options.angles_deg), options.mount_deg)
     if isinstance(found, NoPose):
         raise InputFileError(f"{path}: {found.reason}")
     return found
