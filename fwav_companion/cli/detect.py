@@ -81,7 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _detected(arguments: argparse.Namespace) -> int:
-    if arguments.config is None:
+    writes_detections = any(each is not None for each in (arguments.out, arguments.draw, arguments.sigma))
+    if arguments.config is None or (arguments.poses_out is not None and not writes_detections):
         return _poses_alone(arguments)
     if arguments.out is None and arguments.draw is None and arguments.sigma is None:
         raise UserError("detect: --config without --out; accepted: --out D.jsonl, --draw DIR or --sigma LABELS")

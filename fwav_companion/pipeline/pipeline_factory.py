@@ -222,7 +222,8 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
             return RangefinderGround(config.uncertainty.height_noise_m)
         case "terrain":
             model = ElevationModel(elevation) if elevation else None
-            return TerrainGround(model, Datum(ground.terrain_datum or Datum.EGM96))
+            stated = next((tile.datum for tile in elevation if tile.datum), "")
+            return TerrainGround(model, Datum(stated or ground.terrain_datum or Datum.EGM96))
         case "altitude":
             return AltitudeGround(ground.alt_amsl or 0.0)
         case "home":

@@ -15,6 +15,7 @@ from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config, MountConfig, UncertaintyConfig
 from fwav_companion.errors import ConfigError
+from fwav_companion.geoid import geoid_undulation_m
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.localization import ElevationTile
@@ -99,7 +100,8 @@ def replay_photographs(
     camera = make_camera(
         config, calibration, source, log, elevation=elevation, own_filter=own_filter, sightings=sightings
     )
-    camera.placed(source.plane, TakeOff(origin, TakeOffSource.POSES), None)
+    undulation_m = geoid_undulation_m(origin.lat_deg, origin.lon_deg) if config.ground.model == "terrain" else None
+    camera.placed(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)
     tally = ErrorTally(truth) if truth else None
     on_takeoff = photographs.poses[0].above_takeoff
     kept = None if shared_errors is None or config.tracking.motion == "moving" else KeptSights()
@@ -174,11 +176,6 @@ def require_photograph_config(config: Config) -> None:
         )
     if ground.model == "terrain" and not ground.terrain:
         raise ConfigError(f"{config.file}: [ground] terrain: empty; accepted with --poses: elevation files")
-    if ground.model == "terrain" and ground.terrain_datum == "ellipsoid":
-        raise ConfigError(
-            f"{config.file}: [ground] terrain_datum: ellipsoid, but alt_amsl of --poses is above sea level; "
-            "accepted: egm96, egm2008"
-        )
 
 
 def _config_for(photographs: Photographs, config: Config) -> Config:

@@ -180,6 +180,8 @@ def test_poses_alone_need_no_configuration_and_no_times(tmp_path, capsys):
         ("a.jpg", "0"),
         ("c.jpg", "2"),
     ]
+    (tmp_path / "c.toml").write_text('[detections]\nurl = ""\n')
+    assert main(["detect", str(folder), "--config", str(tmp_path / "c.toml"), "--poses-out", str(out)]) == 0
     assert main(["detect", str(folder)]) == 2
     assert "--poses-out CSV alone" in capsys.readouterr().err
 

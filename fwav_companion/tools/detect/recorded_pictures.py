@@ -203,7 +203,7 @@ def _photographs(
         for number, i in enumerate(order):
             stamp, row = {"time_unix": round(times[i], 6)}, facts[i].row
             if row is not None:
-                poses.append({"frame": number, **stamp, **row})
+                poses.append({"frame": number, **(stamp if timed or has_times else {}), **row})
             yield Picture(_pixels(files[i]), stamp, number, facts[i].exposure_s, file=files[i].name)
 
     return RecordedPictures(count=len(files), pictures=read(), poses=poses)
