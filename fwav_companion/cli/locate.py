@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fwav_companion.cli.pose_options import given_angles, given_poses, numbers, text_of
 from fwav_companion.cli.signals import as_by_ctrl_c
@@ -14,7 +14,7 @@ from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from fwav_companion.tools.locate.answers import PlaceAnswers
     from fwav_companion.tools.locate.clicks import PictureClick
@@ -163,14 +163,19 @@ def _frames(arguments: argparse.Namespace) -> tuple[list[Photograph], list[Pictu
     """The frames of a video at the times of --at, and the clicks in them."""
     require("locate VIDEO", "cv2")
     from fwav_companion.tools.locate.clicks import clicks_of, parse_pixel
-    from fwav_companion.tools.locate.videos import frame_name, parse_time, video_photographs
+    from fwav_companion.tools.locate.videos import frame_name, parse_time, video_frame, video_photographs
 
     (video,) = arguments.pictures
     if not video.is_file():
         raise InputFileError(f"{video}: no such file; accepted: a video")
     times = [parse_time(text) for text in arguments.at]
+    if arguments.detect and times:
+        photographs = video_photographs(video, times, _camera_options(arguments))
+        return photographs, _detections(arguments, photographs, lambda index: video_frame(video, times[index]))
     if not times or len(times) != len(arguments.pixel):
-        raise UserError("locate VIDEO: accepted: --at TIME --pixel U,V, as often as needed, in the same order")
+        raise UserError(
+            "locate VIDEO: accepted: --at TIME with --pixel U,V or --detect, as often as needed, in the same order"
+        )
     names = [frame_name(video, time) for time in times]
     clicks = clicks_of(names, [parse_pixel(text) for text in arguments.pixel], arguments.label)
     return video_photographs(video, times, _camera_options(arguments)), clicks
@@ -204,8 +209,13 @@ def _clicks(arguments: argparse.Namespace, names: Sequence[str]) -> list[Picture
     return parse_clicks(text_of(arguments.pixels), str(arguments.pixels))
 
 
-def _detections(arguments: argparse.Namespace, photographs: Sequence[Photograph]) -> list[PictureClick]:
-    """The best detection of each label in each picture. UserError where there is none at all."""
+def _detections(
+    arguments: argparse.Namespace, photographs: Sequence[Photograph], frame: Callable[[int], Any] | None = None
+) -> list[PictureClick]:
+    """The best detection of each label in each picture. UserError where there is none at all.
+
+    ``frame``: returns the pixels of a picture that is a frame of a video, by its index.
+    """
     if arguments.config is None or arguments.pixel or arguments.pixels is not None:
         raise UserError("locate --detect: accepted: with --config FILE, and without --pixel and --pixels")
     require("locate --detect", "cv2")
@@ -217,8 +227,8 @@ def _detections(arguments: argparse.Namespace, photographs: Sequence[Photograph]
     detector = configured_detector(load(arguments.config))
     clicks: list[PictureClick] = []
     with steps("detect", len(photographs)) as step:
-        for photograph in photographs:
-            clicks += detected_clicks(photograph, detector)
+        for index, photograph in enumerate(photographs):
+            clicks += detected_clicks(photograph, detector, None if frame is None else frame(index))
             step()
     if not clicks:
         raise UserError("locate --detect: the detector finds nothing in these pictures; accepted: --pixel U,V")

@@ -13,6 +13,8 @@ NEAREST_SAMPLE = 0.26
 MOST_FILLED_M = 90.0
 """Widest hole between two edges that is filled, metres: about three samples of one second of arc."""
 METRES_PER_DEGREE = 111_320.0
+MOST_KEPT = 100_000
+"""Most filled samples that are kept: 20 MB."""
 
 EDGE = 1e-6
 """Margin of a tile, in steps (30 um of 30 m): rounding does not exclude places on the edge."""
@@ -135,9 +137,11 @@ class ElevationModel:
         The weight of each line is the inverse of the hole's width. The sigma is half the range of the edges and of the
         samples behind them: the local relief.
         """
-        key = (self._tiles.index(tile), i, j)
+        key = (id(tile), i, j)
         if key in self._filled:
             return self._filled[key]
+        if len(self._filled) >= MOST_KEPT:
+            self._filled.clear()
         north_m = tile.lat_step_deg * METRES_PER_DEGREE
         east_m = tile.lon_step_deg * METRES_PER_DEGREE * cos(radians(tile.north_deg - i * tile.lat_step_deg))
         total = weights = 0.0

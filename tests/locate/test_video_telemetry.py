@@ -128,6 +128,36 @@ def _edit(path: Path, old: str, new: str) -> None:
     srt.write_text(srt.read_text().replace(old, new))
 
 
+def test_locate_video_with_the_detector_finds_the_tag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from tests.vision.vision_pictures import tag_picture
+
+    path = tmp_path / "DJI_0002.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (640, 480))
+    for _ in range(20):
+        writer.write(cv2.cvtColor(tag_picture((300.0, 200.0), side_px=90.0), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    truth = true_picture(np.random.default_rng(9), pitch=-60.0, yaw=10.0, roll=0.0, width=640, height=480,
+                         focal_px=640 * 24 / 36)  # fmt: skip
+    path.with_suffix(".SRT").write_text(
+        "".join(
+            f"{at + 1}\n00:00:0{at},000 --> 00:00:0{at + 1},000\n[latitude: {truth.lat:.9f}] "
+            f"[longitude: {truth.lon:.9f}] [rel_alt: {truth.above_takeoff:.3f} abs_alt: 500.0] [focal_len: 240] "
+            "[gb_yaw: 10.0 gb_pitch: -60.0 gb_roll: 0.0]\n\n"
+            for at in range(2)
+        )
+    )
+    assert main(["init", str(tmp_path)]) == 0
+    config = tmp_path / "fwav-companion.toml"
+    config.write_text(config.read_text() + '[vision]\nsource = "pictures"\n')
+    words = ["--at", "0.5", "--at", "1.2", "--detect", "--config", str(config), "--json"]
+    assert main(["locate", str(path), *words]) == 0
+    (target,) = json.loads(capsys.readouterr().out.splitlines()[-1])["targets"]
+    lat, lon, _ = place_below(truth, 300.0, 200.0)
+    error = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
+    assert np.hypot(error[0], error[1]) < 0.3
+    assert len(target["pictures"]) == 2
+
+
 AIRDATA = (
     "time(millisecond),datetime(utc),latitude,longitude,height_above_takeoff(feet),altitude_above_seaLevel(feet),"
     "compass_heading(degrees),gimbal_heading(degrees),gimbal_pitch(degrees),gimbal_roll(degrees),isPhoto,isVideo\n"

@@ -12,9 +12,13 @@ from fwav_companion.tools.locate.photographs import Photograph
 from fwav_companion.vision.images import Detector, DetectorError
 
 
-def detected_clicks(photograph: Photograph, detector: Detector) -> list[PictureClick]:
-    """The best detection of each label. InputFileError where the picture, or the detector, does not work."""
-    pixels: Any = cv2.imread(str(photograph.path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+def detected_clicks(photograph: Photograph, detector: Detector, pixels: Any = None) -> list[PictureClick]:
+    """The best detection of each label. InputFileError where the picture, or the detector, does not work.
+
+    ``pixels``: of a video's frame, which is no file.
+    """
+    if pixels is None:
+        pixels = cv2.imread(str(photograph.path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise InputFileError(f"{photograph.path}: not a readable picture")
     try:

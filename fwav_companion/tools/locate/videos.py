@@ -37,6 +37,21 @@ def video_length_s(path: Path) -> float:
     return _size_and_length(path)[1]
 
 
+def video_frame(path: Path, at_s: float) -> Any:
+    """The pixels of the frame at a time. InputFileError where there is none."""
+    import cv2
+
+    capture: Any = cv2.VideoCapture(str(path))
+    try:
+        capture.set(cv2.CAP_PROP_POS_MSEC, 1000.0 * at_s)
+        good, pixels = capture.read()
+    finally:
+        capture.release()
+    if not good:
+        raise InputFileError(f"{path}: no picture at {at_s:.3f} s")
+    return pixels
+
+
 def frame_name(path: Path, at_s: float) -> str:
     """Name of a frame of a video."""
     return f"{path.name}@{at_s:.3f}"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
 from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
-from fwav_companion.tools.locate.videos import frame_name, video_length_s, video_photographs
+from fwav_companion.tools.locate.videos import frame_name, video_frame, video_length_s, video_photographs
 
 SHOWN_BY_BROWSERS: Final = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".png": "image/png"}
 LARGEST_SHOWN: Final = 60_000_000
@@ -141,14 +141,7 @@ def _reduced(path: Path, side: int) -> Image:
 def _frame(path: Path, at_s: float, side: int) -> Image:
     import cv2
 
-    capture: Any = cv2.VideoCapture(str(path))
-    try:
-        capture.set(cv2.CAP_PROP_POS_MSEC, 1000.0 * at_s)
-        good, pixels = capture.read()
-    finally:
-        capture.release()
-    if not good:
-        raise InputFileError(f"{path}: no picture at {at_s:.3f} s")
+    pixels = video_frame(path, at_s)
     scale = side / max(pixels.shape[:2])
     if scale < 1.0:
         pixels = cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
