@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Callable, Sequence
 
+    from fwav_companion.geometry.geoid_file import GtxGeoid
     from fwav_companion.tools.locate.answers import PlaceAnswers
     from fwav_companion.tools.locate.clicks import PictureClick
     from fwav_companion.tools.locate.photographs import CameraOptions, Photograph
@@ -67,6 +68,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add("--poses-crs", metavar="CRS", help="coordinate system of --poses where it names none, as EPSG:32632")
     add("--terrain", metavar="FILE", nargs="+", type=Path, default=[], help="elevation files: .hgt, GeoTIFF")
+    add("--geoid", metavar="FILE.gtx", type=Path, help="undulations of EGM2008, for --terrain above it")
     add("--ground-alt", metavar="M", type=float, help="flat ground at this altitude above sea level")
     add("--takeoff", metavar="LAT,LON", help="place of the take-off; its altitude is that of --terrain there")
     add("--takeoff-alt", metavar="M", type=float, help="altitude of the take-off above sea level")
@@ -235,6 +237,18 @@ def _detections(
     return clicks
 
 
+def _geoid(path: Path) -> GtxGeoid:
+    from fwav_companion.geometry.geoid_file import GtxGeoid
+    from fwav_companion.on_disk import content
+
+    try:
+        return GtxGeoid(content(path))
+    except ValueError as error:
+        raise InputFileError(f"{path}: {error}") from None
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a .gtx file of a geoid") from None
+
+
 def _camera_options(arguments: argparse.Namespace) -> CameraOptions:
     from fwav_companion.camera import file_and_camera, parse_calibration
     from fwav_companion.tools.locate.photographs import CameraOptions
@@ -291,6 +305,7 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
             ground_alt = config.ground.alt_amsl
     takeoff = None if arguments.takeoff is None else numbers("--takeoff", arguments.takeoff, ("LAT", "LON"), 180.0)
     return LocateOptions(
+        egm2008=None if arguments.geoid is None else _geoid(arguments.geoid),
         terrain=terrain,
         terrain_datum=datum,
         configured=configured,

@@ -14,7 +14,16 @@ from math import atan2, cos, hypot, pi, sin, tan
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization.elevation import ElevationModel
-from fwav_companion.localization.ray_search import MOST_CELLS, MOST_PIECES, NUDGE, PIECE_M, between, leaves, place_of
+from fwav_companion.localization.ray_search import (
+    MOST_CELLS,
+    MOST_PIECES,
+    NUDGE,
+    PIECE_M,
+    between,
+    leaves,
+    onward,
+    place_of,
+)
 
 BACKWARD_M = 1.0
 """Least start behind the camera's foot for rays that may look backward, metres."""
@@ -50,7 +59,7 @@ def turned_distances(
             cells += 1
             if cell is None or cells > MOST_CELLS:
                 return found
-            end = max(min(1.0, leaves(cell, here, there)), at + NUDGE)
+            end = onward(cell, min(1.0, leaves(cell, here, there)), at)
             for part in (at, 0.5 * (at + end), end):
                 x = from_m + (piece + part) * PIECE_M
                 rise = cell.height_m(*between(here, there, part)) - here.height_m

@@ -13,7 +13,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.localization.elevation import Cell, ElevationModel
+from fwav_companion.localization.elevation import EDGE, METRES_PER_DEGREE, Cell, ElevationModel
 
 PIECE_M = 200.0
 """Length of the pieces of the ray, metres; latitude and longitude are exact at their ends, linear between to 1 mm."""
@@ -81,9 +81,19 @@ def _walked(
             found, end = _cross(cell, here, there, at)
             if found is not None:
                 return Hit((piece + found) * PIECE_M, cell, *between(here, there, found))
-            at = max(end, at + NUDGE)
+            at = onward(cell, end, at)
         here = there
     return None
+
+
+def onward(cell: Cell, end: float, at: float) -> float:
+    """The exit from a cell; where the ray is on its edge already, a step out of the margin of its tile.
+
+    Within the margin the tile gives the same cell again: steps of NUDGE alone would take thousands on coarse models.
+    """
+    if end > at + NUDGE:
+        return end
+    return at + max(NUDGE, 2.0 * EDGE * cell.lat_step_deg * METRES_PER_DEGREE / PIECE_M)
 
 
 def place_of(plane: TangentPlane, ned: Vector3, raised_m: float, near: RayPlace | None = None) -> RayPlace:

@@ -105,3 +105,15 @@ def test_where_the_ray_only_touches_there_is_one_root():
 )
 def test_a_longitude_is_unwrapped_to_within_half_a_turn(lon, near, expected):
     assert _unwrapped(lon, near) == pytest.approx(expected)
+
+
+def test_ray_over_the_edge_between_two_coarse_tiles_is_followed():
+    """Steps of 900 m: the margin of a tile is a millimetre, thousands of the least steps."""
+    step = 1.0 / 120.0
+    tiles = [
+        tile(lambda *_: 500.0, rows=3, columns=3, north=LAT + north * step, west=LON, step=step) for north in (0, 2)
+    ]
+    from_south = (-30.0, 400.0, -40.0)
+    hit = first_hit(ElevationModel(tiles), PLANE, from_south, direction(30.0, 0.0), 0.0)
+    assert hit is not None
+    assert hit.distance_m == pytest.approx(80.0, abs=0.01)

@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geoid import egm96
+from fwav_companion.geometry.geoid_file import GtxGeoid
 from fwav_companion.localization import ElevationModel
 from fwav_companion.service.elevation_files import read_elevation
 from fwav_companion.tools.locate.answers import PlaceAnswer, PlaceAnswers, answers_from
@@ -42,6 +43,8 @@ class LocateOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     terrain: tuple[Path, ...] = ()
     terrain_datum: str = "egm96"
+    egm2008: GtxGeoid | None = None
+    """Undulations of EGM2008, for elevation models above it; None: 0.6 m between both geoids."""
     takeoff: tuple[float, float] | None = None
     """Latitude and longitude of the take-off, for its altitude by the elevation model."""
     vertical: VerticalOptions = VerticalOptions()
@@ -88,6 +91,7 @@ class LocateSession:
             elevation=model,
             terrain_datum=next((tile.datum for tile in tiles if tile.datum), options.terrain_datum),
             configured=options.configured,
+            egm2008=options.egm2008,
         )
         self._geoid = geoid
         notes = [f"pose by {photograph.pose.layout} tags" for photograph in photographs]

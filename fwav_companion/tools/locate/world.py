@@ -9,6 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.geoid import Geoid
+from fwav_companion.geometry.geoid_file import GtxGeoid
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import ElevationModel
@@ -60,6 +61,7 @@ def make_world(
     elevation: ElevationModel | None = None,
     terrain_datum: str = "egm96",
     configured: Configured | None = None,
+    egm2008: GtxGeoid | None = None,
 ) -> PictureWorld:
     """The cameras about the first picture's place; down is counted from the level of ``scale``."""
     configured = configured or Configured()
@@ -85,10 +87,16 @@ def make_world(
         surface = FlatSurface(-flat, relief, per_height, scale.flat_ground_sigma_m)
     else:
         raised = -geoid.undulation_m(first.lat_deg, first.lon_deg) if terrain_datum == "ellipsoid" else 0.0
+        apart = None
+        if terrain_datum == "egm2008" and egm2008 is not None:
+            apart = egm2008.undulation_m(first.lat_deg, first.lon_deg)
+            raised = 0.0 if apart is None else apart - geoid.undulation_m(first.lat_deg, first.lon_deg)
         sigma = RELIEF_M if configured.terrain_m is None else configured.terrain_m
         poses = [picture.pose for picture in pictures]
-        sigma = ground_sigma_m(
-            sigma, poses, other_geoid=terrain_datum == AltDatum.ELLIPSOID or terrain_datum == "egm2008"
+        sigma = (
+            ground_sigma_m(sigma, poses, other_geoid=terrain_datum == AltDatum.ELLIPSOID or terrain_datum == "egm2008")
+            if apart is None
+            else sigma
         )
         surface = TerrainSurface(elevation, plane, raised, sigma)
     return PictureWorld(plane, tuple(shots), tuple(shared), surface, scale)
