@@ -75,11 +75,11 @@ def test_rays_onto_rough_ground_are_answered_and_honest(down_deg):
 
 @pytest.mark.slow
 def test_edges_of_a_rough_surface_are_rarely_missed_and_rarely_refused_needlessly():
-    """Of 200 rays; five rays in place of the whole walk along the ground missed 13, and refused 7 needlessly."""
-    counts = [judged_rays(7, 100, down_deg) for down_deg in (30.0, 40.0)]
-    assert sum(each["answered"] + each["refused"] for each in counts) == 200
-    assert sum(each["missed"] for each in counts) <= 8  # 4 of 200: binomial, 99.9 %: 12
-    assert sum(each["needless"] for each in counts) <= 6
+    """Of 120 rays 3 and 2; five rays in place of the whole walk along the ground missed 13, and refused 7 needlessly."""
+    counts = [judged_rays(7, 60, down_deg) for down_deg in (30.0, 40.0)]
+    assert sum(each["answered"] + each["refused"] for each in counts) == 120
+    assert sum(each["missed"] for each in counts) <= 7
+    assert sum(each["needless"] for each in counts) <= 5
 
 
 def test_the_square_of_an_unconfirmed_shift_is_in_the_claim():
