@@ -23,6 +23,7 @@ COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error 
 _WIDE_DISTANCE2 = 16.0  # squared distance at which a weight is a half
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
 _SINK_SHARE, _LEAST_SHARE = 0.6, 0.05
+_LEAST_BRIDGE_WEIGHT = 1e-3
 CLOCK_GRAIN_S = 1e-3  # autopilot stamps are whole milliseconds
 
 Weigh = Callable[[Array, Projection, Array], Array]
@@ -85,6 +86,15 @@ def weigh_sightings(problem: Problem, projection: Projection, kernel: WanderKern
     distance2 = u * u * inverse[0, 0] + 2 * u * v * inverse[0, 1] + v * v * inverse[1, 1]
     weight = weigh(distance2, projection, inverse) * projection.visible
     return WeightedSightings(g, distance2, weight)
+
+
+def bridge_means(problem: Problem, projection: Projection, weighted: WeightedSightings, kernel: WanderKernel) -> Array:
+    """Mean (3, N) of the error about the lines between knots, m, given each sighting's residual."""
+    noise = problem.error_noise(kernel)
+    inverse, _ = own_inverse(weighted.common, 1.0 / np.maximum(weighted.weight, _LEAST_BRIDGE_WEIGHT))
+    seen = (inverse * projection.residual).sum(1)  # (2, N)
+    variance = np.stack([noise.level, noise.level, noise.up]) ** 2
+    return np.asarray(variance * (projection.point * seen[:, None]).sum(0))
 
 
 def gauss_newton_step(
@@ -162,6 +172,7 @@ def iterate(
         projection = problem.linearise(state, kernel)
         weighted = weigh_sightings(problem, projection, kernel, weigh)
         found = gauss_newton_step(problem, state, projection, weighted, kernel)
+        problem.bridge = bridge_means(problem, projection, weighted, kernel)
         share = step_share(problem, projection, found.step)
         state = state.plus(share * found.step)
         if share == 1.0 and found.size < enough:

@@ -15,7 +15,7 @@ from fwav_companion.estimation.errors import SampleNoise, priors
 PRIORS = priors(heading_rad=np.radians(2.0), tilt_rad=np.radians(0.5))
 LATE = np.array([0.035, 0.02, -0.01, 0.015, *[0.0] * 9])
 FIVE, TEN = ((8.0, 3.0), (10.0, -2.0), (6.0, 0.0), (12.0, 4.0), (9.0, -5.0)), (-12.0, -4.0, 4.0, 12.0, 18.0)
-DESCENT = {"shape": "descent", "targets": ((0.6, 0.4),), "pitch_deg": 0.0, "seconds": 45.0}
+DESCENT = {"shape": "descent", "height_m": 15.0, "targets": ((0.3, 0.2),), "pitch_deg": 0.0, "seconds": 45.0}
 KINDS = {  # flight, wander m, jump m, s between frames
     "eight": ({}, 0.0, 0.0, 0.0),
     "eight d": ({}, 0.0, 0.0, 0.0),

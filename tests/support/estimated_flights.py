@@ -32,6 +32,7 @@ class Planted:
     wander_s: float = 60.0
     position_noise_m: float = 0.02
     height_noise_m: float = 0.1
+    velocity_noise_m_s: float = 0.02
     attitude_noise: float = np.radians(0.1)
     position_hz: float = 10.0
     jump_m: float = 0.0
@@ -60,7 +61,7 @@ class Planted:
         lever = Rotation.from_euler("ZYX", ypr).apply(e[9:12])
         place += lever * [1, 1, -1]
         place[p > 0.6 * f.seconds, :2] += self.jump_m
-        velocity = velocity + rng.standard_normal(velocity.shape) * 0.02
+        velocity = velocity + rng.standard_normal(velocity.shape) * self.velocity_noise_m_s
         return attitudes, list(zip(p + e[8], place, velocity, strict=True))
 
     def _wander(self, t, rng):
