@@ -16,6 +16,8 @@ from fwav_companion.estimation.errors import Array, Bools, Ints
 KEPT = 400  # of a live solve; 600 gain nothing that shows, 300 with one iteration lose
 KEPT_OF_WHOLE_FLIGHT = 4000  # of the final answer in replay
 KEPT_OF_FRAME = 100  # of one frame: a detector that reports a thousand must not displace the flight
+LEADING = 5  # targets that are kept in many frames
+_OF_LEADING = 0.625  # share of the budget that is theirs, where there are others
 _DENSE_S = 4.0  # age up to which the step between kept frames stays nearly the same
 _CELLS = 60.0
 
@@ -79,6 +81,25 @@ def in_order(s: Sightings) -> Sightings:
 
 
 def thinned(s: Sightings, now: float, budget: int = KEPT) -> Sightings:
+    """At most about `budget` sightings: the targets that are seen most in many frames, the others in fewer.
+
+    Few targets in many frames show more of the shared parameters than many targets in few: of 30 targets whole frames
+    are 13 in a minute, and places were wrong by 0.15 m where 0.09 to 0.12 is possible.
+    """
+    if len(s) <= budget:
+        return s
+    ids, of_target = np.unique(s.target, return_inverse=True)
+    if len(ids) <= LEADING:
+        return _thinned_frames(s, now, budget)
+    # By age, as frames are kept: above the next field the targets in view take over.
+    seen = np.bincount(of_target, 1.0 / (np.maximum(now - s.t, 0.0) + _DENSE_S))
+    leads = np.isin(s.target, ids[np.argsort(-seen, kind="stable")[:LEADING]])
+    leading = _thinned_frames(s.select(leads), now, int(_OF_LEADING * budget))
+    others = _thinned_frames(s.select(~leads), now, budget - len(leading))
+    return in_order(joined([leading, others]))
+
+
+def _thinned_frames(s: Sightings, now: float, budget: int) -> Sightings:
     """At most about `budget` sightings in whole frames: all of the newest, older ones in growing steps.
 
     The step between kept frames is c (age + 4 s) / 60, c by bisection. Steps and not a random choice: what counts is

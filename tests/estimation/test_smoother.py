@@ -9,7 +9,7 @@ from simulated_flight import Flight
 from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.information import _divide_by_noise, normal_equations
-from fwav_companion.estimation.kept_sightings import joined
+from fwav_companion.estimation.kept_sightings import Sightings, joined, thinned
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.smoother import COMMON, iterate, weigh_sightings
 from fwav_companion.estimation.wander import SMOOTH, place_knots
@@ -118,3 +118,17 @@ def test_noise_of_frames_of_one_and_of_several_sightings_is_divided_alike():
         np.linalg.solve(noise, rows.transpose(0, 2, 1).reshape(14, 5))
     )
     assert log_det == pytest.approx(np.linalg.slogdet(noise)[1])
+
+
+def test_thinning_keeps_a_few_of_thirty_targets_in_many_frames():
+    frames, targets = 600, 30
+    count = frames * targets
+    frame, target = np.repeat(np.arange(frames), targets), np.tile(np.arange(targets), frames)
+    rays, tangents = np.tile([[0.0], [0.0], [1.0]], (1, count)), np.zeros((2, 3, count))
+    every = Sightings(frame * 0.1, rays, tangents, frame, target, np.zeros(count))
+    kept = thinned(every.select((target < 5) | (frame % 2 == 0)), 60.0, 400)
+    of_target = np.bincount(kept.target, minlength=targets)
+    assert len(kept) <= 400
+    assert of_target[:5].min() >= 45
+    assert of_target[5:].min() >= 4
+    assert (np.diff(kept.frame) >= 0).all()
