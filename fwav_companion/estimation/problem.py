@@ -30,6 +30,7 @@ from fwav_companion.estimation.wander import Wander, WanderKernel
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
+_SURVEY_DISTANCE2 = 9.0  # squared distance from its survey, in its sigmas, at which a landmark counts by half
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
 
@@ -87,6 +88,8 @@ class Problem:
         self.of_target = self.ids.searchsorted(s.target)
         moments, self.of_instant = np.unique(s.t + 1j * s.row, return_inverse=True)  # rows of a frame differ
         self.instants, self.rows = moments.real, moments.imag
+        # Rows of a rolling shutter: a frame's detections come in any order of their instants.
+        self._in_order = np.array_equal(self.of_instant, np.arange(len(s)))
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
@@ -100,6 +103,9 @@ class Problem:
         # that contains this noise is an error in the variables (Fuller 1987) and raises the camera: by 1 m in a hover
         # at 1 m, claimed to 0.4 m.
         self.bridge = np.zeros((3, len(s)))
+        surveyed = [p.surveyed for p in priors]
+        self._surveys = np.flatnonzero(np.array(surveyed, np.bool_))
+        self.survey_weight = np.ones(len(self._surveys))
         self._rates: tuple[float, Array] | None = None
         self._noise: dict[WanderKernel, ErrorNoise] = {}
         self._prior: dict[WanderKernel, tuple[Array, float]] = {}
@@ -135,6 +141,27 @@ class Problem:
             self._prior[kernel] = p, 2.0 * level_det + up_det
         return self._prior[kernel]
 
+    def weigh_surveys(self, state: State) -> None:
+        """Set the robust weights of landmarks' surveys: a smooth step at three sigmas of its accuracy.
+
+        A survey that all other measurements contradict is left out, as a wrong association is.
+        """
+        if not len(self._surveys):
+            return
+        off = (state.targets - self.target_mean)[self._surveys]
+        precision = self._target_precision.reshape(-1, TARGET_SIZE)[self._surveys]
+        distance2 = (off[:, :2] ** 2 * precision[:, :2]).sum(1)
+        self.survey_weight = 1.0 / (1.0 + np.exp((0.5 * (distance2 - _SURVEY_DISTANCE2)).clip(-50.0, 50.0)))
+        weighted = precision.copy()
+        weighted[:, :2] = np.maximum(precision[:, :2] * self.survey_weight[:, None], UNKNOWN_TARGET.precision()[:2])
+        rows = (self.shared_size + TARGET_SIZE * self._surveys[:, None] + np.arange(TARGET_SIZE)).ravel()
+        for p, _ in self._prior.values():
+            p[rows, rows] = weighted.ravel()
+
+    def surveys(self) -> dict[int, float]:
+        """The weight of each survey by its target's number."""
+        return dict(zip(self.ids[self._surveys].tolist(), self.survey_weight.tolist(), strict=True))
+
     def deviation(self, state: State) -> Array:
         """Unknowns (n,) minus their prior means."""
         mean = self.model.priors.mean
@@ -153,7 +180,7 @@ class Problem:
         if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
             self._rates = delay, self.carrier.rates(instants + shift)
         poses = self.carrier.poses(instants, self._rates[1], shift)
-        if len(self.instants) == len(self.s):
+        if self._in_order:
             return poses
         return Poses(*(a.take(self.of_instant, -1) for a in poses))
 

@@ -175,6 +175,7 @@ def iterate(
         problem.bridge = bridge_means(problem, projection, weighted, kernel)
         share = step_share(problem, projection, found.step)
         state = state.plus(share * found.step)
+        problem.weigh_surveys(state)
         if share == 1.0 and found.size < enough:
             break
     return state, found, weighted

@@ -40,6 +40,7 @@ class Estimate:
     weights: Mapping[int, float] = field(default_factory=dict)  # mean robust weight of each target's sightings
     modes: tuple[DelayMode, ...] = ()
     searched: bool = False
+    surveys: Mapping[int, float] = field(default_factory=dict)  # robust weight of each landmark's survey
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class SolveTask:
             self.t, state.shared, start.targets | dict(zip(ids, state.targets, strict=True)), knots, state.errors,
             kernel, problem.ids[order], mean[index], step.covariance[np.ix_(index, index)],
             step.covariance[np.ix_(few, few)], problem.wanders(kernel), float(weighted.weight.mean()),
-            dict(zip(ids, weights.tolist(), strict=True)), modes, self.search,
+            dict(zip(ids, weights.tolist(), strict=True)), modes, self.search, problem.surveys(),
         )  # fmt: skip
 
     @property

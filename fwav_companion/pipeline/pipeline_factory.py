@@ -164,7 +164,9 @@ def make_camera(
     tracker: Tracker
     if smooths and own_filter is None and isinstance(vehicle, Telemetry) and _is_smoothed(config):
         lever_m = config.camera.mount.lever_arm_m
-        tracker = smoothed_tracker(tracking_options(config), config.priors, vehicle, kept, lever_m=lever_m)
+        tracker = smoothed_tracker(
+            tracking_options(config), config.priors, vehicle, kept, lever_m=lever_m, landmarks=landmarks
+        )
     elif own_filter is None:
         tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept, landmarks=landmarks)
     else:
@@ -187,7 +189,7 @@ def make_camera(
 def _is_smoothed(config: Config) -> bool:
     """Whether the smoother knows this configuration: a camera fixed to the body, ground at home's altitude."""
     fixed, level = not config.camera.mount.gimbal_device_id, config.ground.model == "home"
-    return fixed and level and not config.landmark and config.tracking.filter == "kalman"
+    return fixed and level and config.tracking.filter == "kalman"
 
 
 def own_components(config: Config) -> frozenset[int]:

@@ -71,6 +71,7 @@ def smoothed_tracker(
     kept: KeptCalibration | None = None,
     *,
     lever_m: Vector3,
+    landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
     """The tracker by the smoother, for static and moving targets. It needs numpy.
 
@@ -82,6 +83,7 @@ def smoothed_tracker(
     smoothed = SmoothedTracker(
         StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
         consider=not options.self_calibration, patience_ns=PATIENCE_NS if moving else 0,
+        landmarks=landmarks,
     )  # fmt: skip
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed
 

@@ -178,6 +178,18 @@ def test_a_landmark_makes_the_absolute_place_known():
     assert error @ np.linalg.solve(better.covariance[:2, :2], error) < 18.0
 
 
+def test_survey_that_two_others_contradict_is_left_out_and_its_true_place_found():
+    flight = Flight(seconds=20.0, fps=8.0, shape="turns", height_m=10.0, pitch_deg=0.0,
+                    targets=((1.0, 2.0), (-1.5, 1.0), (1.0, -1.5)))  # fmt: skip
+    flight.velocities, flight.labels = ((0.0, 0.0),) * 3, ("",) * 3
+    survey = {0: TargetPrior((1.0, 2.0), 0.05), 1: TargetPrior((-1.5, 1.4), 0.05), 2: TargetPrior((1.0, -1.5), 0.05)}
+    estimator = flown(Planted(flight, LATE_AND_CROOKED, wander_m=1.0), priors(), targets=survey)
+    weights = estimator.estimate.surveys
+    assert weights[1] < 0.01
+    assert min(weights[0], weights[2]) > 0.9
+    assert np.hypot(*(estimator.answer(1, 19.9).place[:2] - (-1.5, 1.0))) < 0.15
+
+
 def test_a_delay_beyond_its_prior_contradicts_the_configuration():
     planted = Planted(TURNS, np.array([0.06, *[0.0] * 11]))
     delay = flown(planted, priors(camera_delay_s=0.01)).self_calibration()[CAMERA_DELAY]

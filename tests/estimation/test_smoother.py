@@ -1,5 +1,7 @@
 """The smoother against scipy's least squares, and the noise that a frame's sightings share against dense matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from estimated_flights import Planted
@@ -132,3 +134,15 @@ def test_thinning_keeps_a_few_of_thirty_targets_in_many_frames():
     assert of_target[:5].min() >= 45
     assert of_target[5:].min() >= 4
     assert (np.diff(kept.frame) >= 0).all()
+
+
+def test_sightings_of_a_frame_keep_their_own_instants_whatever_their_order(problem):
+    """A rolling shutter: detections of one frame come in the order of their tracks, not of their rows."""
+    s, shared = problem.s, np.zeros(13)
+    row = np.where(s.target == 0, 0.9, 0.1)
+    rolling = replace(s, t=s.t + 0.03 * row, row=row)
+    other = rolling.select(np.lexsort((-rolling.target, rolling.frame)))
+    one, two = (Problem(problem.model, problem.carrier, each, problem.knots).poses(shared) for each in (rolling, other))
+    first, second = np.lexsort((rolling.t, rolling.target)), np.lexsort((other.t, other.target))
+    assert two.position[:, second] == pytest.approx(one.position[:, first], abs=1e-9)
+    assert two.rotation[..., second] == pytest.approx(one.rotation[..., first], abs=1e-9)

@@ -7,7 +7,7 @@ its covariance are the live filter's; before, they are those of a filter of its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -25,12 +25,13 @@ from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, SampleSource, sightings_of
+from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedChoice
 from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.types import ErrorPriors, FrameView, Reason, Track, VehicleState
+from fwav_companion.types import ErrorPriors, FrameView, Landmark, LandmarkRecord, Reason, Track, VehicleState
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
@@ -73,12 +74,15 @@ class Smoothing:
     pending: PendingSolve | None
     waiting: dict[int, tuple[Sightings, ...]]
     """Detections of tentative tracks, by track id."""
+    landmarks: SmoothedLandmarks
     renamed: frozenset[int] = frozenset()
     """Ids of merged tracks whose detections are counted as the senior's."""
 
     def copy(self) -> Smoothing:
         """A snapshot."""
-        return replace(self, estimator=self.estimator.copy(), waiting=dict(self.waiting))
+        return replace(
+            self, estimator=self.estimator.copy(), waiting=dict(self.waiting), landmarks=self.landmarks.copy()
+        )
 
 
 class SmoothedTracker(Tracker):
@@ -89,6 +93,7 @@ class SmoothedTracker(Tracker):
         "_consider",
         "_host_ns",
         "_kept",
+        "_known",
         "_priors",
         "_samples",
         "_sights",
@@ -99,10 +104,12 @@ class SmoothedTracker(Tracker):
     def __init__(
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
         kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = in_line, patience_ns: int = 0,
+        landmarks: Sequence[Landmark] = (),
     ) -> None:  # fmt: skip
         """``consider``: no self-calibration; the priors of all parameters count in every covariance."""
         super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
         self._priors, self._kept, self._consider, self._solver = priors, kept, consider, solver
+        self._known = tuple(landmarks)
         self._samples = FlightSamples(source, lever_m)
         self._smoothing = self._begin_smoothing()
         self._answers: FrameAnswers | None = None
@@ -112,12 +119,17 @@ class SmoothedTracker(Tracker):
     def _begin_smoothing(self) -> Smoothing:
         noise = sample_noise(self._priors, None, STAMP_SIGMA_S)
         estimator = Estimator(shared_priors(self._priors, self._kept), noise, consider=self._consider)
-        return Smoothing(estimator, None, {})
+        return Smoothing(estimator, None, {}, SmoothedLandmarks(self._known))
 
     @property
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
         return None if self._consider else smoothed_report(self._smoothing.estimator, self._host_ns)
+
+    @property
+    def landmarks(self) -> tuple[LandmarkRecord, ...]:
+        """The record of each landmark's sights so far."""
+        return self._smoothing.landmarks.records(self._smoothing.estimator)
 
     def snapshot(self) -> Snapshot:
         """The present state, for :meth:`restore`."""
@@ -171,6 +183,7 @@ class SmoothedTracker(Tracker):
             index = {id(fix): i for i, fix in enumerate(view.fixes)}
             taught: list[tuple[int, int]] = []
             confirmed = {track.id for track in self._teachers(living, view.host_ns)}
+            surveyed = {sight.fix.sighting.index: sight for sight in view.landmarks}
             for track in living:
                 if track.fix is None or track.id <= 0 or not _is_usable(track):
                     continue
@@ -178,6 +191,9 @@ class SmoothedTracker(Tracker):
                 if track.id in confirmed:
                     self._release(track)
                     taught.append((i, track.id))
+                    sight = surveyed.get(track.fix.sighting.index)
+                    if sight is not None:
+                        smoothing.landmarks.add(sight, track.id, estimator)
                 else:
                     own = sights.select(np.array([i])).with_targets(np.array([track.id]))
                     before = smoothing.waiting.get(track.id, ())

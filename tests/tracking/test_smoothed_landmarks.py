@@ -1,0 +1,72 @@
+"""Landmarks as the smoother's targets: priors, one survey for all tracks of a landmark, records."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
+from fwav_companion.types import Landmark, LandmarkState
+
+MARK = Landmark("mark", Geodetic(47.0, 8.0, 400.0), 0.05)
+
+
+class FakeEstimator:
+    def __init__(self):
+        self.targets, self.renamed = {}, []
+        self.estimate = SimpleNamespace(targets={}, surveys={})
+
+    def rename(self, old, new):
+        self.renamed.append((old, new))
+
+
+def sight(height_above_home_m=12.0, drop_m=11.5):
+    sighting = SimpleNamespace(camera_height_above_home_m=height_above_home_m, anchor_sigma_m=0.0)
+    return SimpleNamespace(landmark=0, fix=SimpleNamespace(sighting=sighting, drop_m=drop_m), north_m=3.0, east_m=-2.0)
+
+
+@pytest.fixture
+def estimator():
+    return FakeEstimator()
+
+
+def test_first_sight_gives_the_track_the_survey_with_its_height_above_home(estimator):
+    SmoothedLandmarks([MARK]).add(sight(), 4, estimator)
+    prior = estimator.targets[4]
+    assert prior.place == (3.0, -2.0)
+    assert prior.height_m == pytest.approx(0.5)
+    assert (prior.place_sigma_m, prior.height_sigma_m) == (0.05, 0.05)
+
+
+def test_later_track_of_a_landmark_continues_the_earlier_one(estimator):
+    landmarks = SmoothedLandmarks([MARK])
+    for track in (4, 4, 7):
+        landmarks.add(sight(), track, estimator)
+    assert estimator.renamed == [(4, 7)]
+    assert set(estimator.targets) == {4, 7}
+
+
+def test_sight_without_a_height_above_home_is_not_used(estimator):
+    SmoothedLandmarks([MARK]).add(sight(height_above_home_m=None), 4, estimator)
+    assert estimator.targets == {}
+
+
+@pytest.mark.parametrize(
+    ("weight", "state", "off_m"), [(0.98, LandmarkState.USED, 0.0), (0.02, LandmarkState.LEFT_OUT, 0.5)]
+)
+def test_record_names_a_survey_that_the_solve_left_out(estimator, weight, state, off_m):
+    landmarks = SmoothedLandmarks([MARK])
+    assert landmarks.records(estimator)[0].state is LandmarkState.UNSEEN
+    landmarks.add(sight(), 4, estimator)
+    estimator.estimate.targets[4], estimator.estimate.surveys[4] = (3.3, -1.6, 0.0), weight
+    record = landmarks.records(estimator)[0]
+    assert (record.label, record.state) == ("mark", state)
+    assert record.off_m == pytest.approx(off_m)
+
+
+def test_snapshot_is_not_changed_by_later_sights(estimator):
+    landmarks = SmoothedLandmarks([MARK])
+    before = landmarks.copy()
+    landmarks.add(sight(), 4, estimator)
+    estimator.estimate.targets[4] = (3.0, -2.0, 0.0)
+    assert before.records(estimator)[0].state is LandmarkState.UNSEEN
