@@ -53,6 +53,7 @@ REMEDIES: Final[Mapping[Reason, str]] = {
     Reason.NOT_SEEN: "usual when a target left or was a false detection",
     Reason.NOT_SEEN_LONG: "usual when the vehicle flew on",
     Reason.VEHICLE_CHANGED: "nothing: tracks of the other vehicle do not hold",
+    Reason.INTERNAL_FAULT: "report the log: it has the fault",
     Reason.ORIGIN_SET: "wait for GPS before take-off to avoid it",
     Reason.REPLACED: "nothing: the senior track goes on",
     Reason.TOO_MANY_TRACKS: "raise the detector's threshold or [detections] min_score",

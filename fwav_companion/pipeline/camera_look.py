@@ -24,7 +24,7 @@ AIM_AGE_NS = 300 * NS_PER_MS
 """Age of the view that maps show: at 4 Hz, attitude samples on both sides of it have arrived."""
 
 
-class CameraLook(msgspec.Struct, frozen=True):
+class CameraLook(msgspec.Struct):
     """One camera on its vehicle, above the ground: answers questions about its view at an instant."""
 
     telemetry: VehicleSource

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import inf, prod
+from typing import TypeAlias
 
 import msgspec
 
@@ -28,7 +30,7 @@ from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
 from fwav_companion.recording.lines import sighting_line
-from fwav_companion.self_calibration import CalibrationReport
+from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
 from fwav_companion.tracking.filters.base import TargetEstimate
@@ -64,54 +66,81 @@ class ProcessedFrame(msgspec.Struct, frozen=True):
     """Projects a position, NED, to its pixel in the frame's image; None where the camera's pose is unknown."""
 
 
+class CameraParts(msgspec.Struct, frozen=True):
+    """The rooms of a camera's pipeline: all that it knows of the flight."""
+
+    pairer: Pairer
+    localizer: Localizer
+    reorder: Reorder
+    agreement: FixAgreement
+    """Compares fixes for the status."""
+    readout: ReadoutAdvice
+    """Decides whether the unknown readout limits the accuracy."""
+    landmarks: LandmarkSights
+
+
+MakeParts: TypeAlias = Callable[[KeptCalibration | None], CameraParts]
+"""Makes the rooms at the start of a flight; from the calibration of an earlier one, where there is one."""
+
+
 class CameraPipeline:
     """Processes the frames of one camera."""
 
     def __init__(
         self,
         telemetry: VehicleSource,
-        pairer: Pairer,
-        localizer: Localizer,
-        reorder: Reorder,
+        make_parts: MakeParts,
         target_log: TargetLog,
         *,
+        kept: KeptCalibration | None,
         sightings: bool,
-        agreement: FixAgreement,
-        readout: ReadoutAdvice,
-        landmarks: LandmarkSights,
     ) -> None:
-        """``sightings``: write a line for every detection, used or not. ``agreement``: compares fixes for the status.
-        ``readout``: decides whether the unknown readout limits the accuracy.
-        """
-        self.look = CameraLook(telemetry, pairer, localizer)
+        """``kept``: a calibration of an earlier flight. ``sightings``: write a line for every detection."""
         self._telemetry = telemetry
-        self._pairer = pairer
-        self._localizer = localizer
-        self._reorder = reorder
-        self._image_px2 = float(prod(pairer.lens.image_size))
-        self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
+        self._make_parts = make_parts
         self._target_log = target_log
         self._sightings = sightings
-        self._agreement = agreement
-        self.readout = readout
-        self._landmarks = landmarks
-        self._shift = LandmarkShift(landmarks.landmarks)
-        self.landmark_news = LandmarkNotices()
         target_log.landmarks = self._landmark_reports
-        self._census = FrameCensus()
-        self._waiting = WaitingFrames()
-        self._last_view: FrameView | None = None
+        parts = make_parts(kept)
+        self.look = CameraLook(telemetry, parts.pairer, parts.localizer)
+        self._begin(parts)
         self._dropped: list[Settled] = []
-        self._jump: tuple[BootNs, float] | None = None
-        """Instant and size, metres, of a jump of the vehicle's position that no frame has seen yet."""
         self.frames_taken = 0
         """Frames that left the queue for attitudes."""
-        self._meter = RateMeter()
         self.refused: Reason | None = None
         """Why the newest picture was refused; None where it was used."""
         self._last_frame_ns: HostNs | None = None
+
+    def _begin(self, parts: CameraParts) -> None:
+        """Begin with these rooms, and without a frame."""
+        pairer = parts.pairer
+        self.look.pairer, self.look.localizer = pairer, parts.localizer
+        self._pairer, self._localizer, self._reorder = pairer, parts.localizer, parts.reorder
+        self._agreement, self.readout, self._landmarks = parts.agreement, parts.readout, parts.landmarks
+        self._image_px2 = float(prod(pairer.lens.image_size))
+        self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
+        self._shift = LandmarkShift(parts.landmarks.landmarks)
+        self.landmark_news = LandmarkNotices()
+        self._census = FrameCensus()
+        self._waiting = WaitingFrames()
+        self._last_view: FrameView | None = None
+        self._jump: tuple[BootNs, float] | None = None
+        """Instant and size, metres, of a jump of the vehicle's position that no frame has seen yet."""
+        self._meter = RateMeter()
         self._used_ns = HostNs(0)
         """Time of the last frame that was used."""
+
+    def rebuild(self) -> None:
+        """Make all rooms anew, without a kept calibration, and drop every track; their ids are not used again.
+
+        What is in the old rooms may be what fails: the lines of their tracks are written where that succeeds.
+        """
+        next_id = self._reorder.tracker.next_id
+        with suppress(Exception):
+            self.drop_all(Reason.INTERNAL_FAULT)
+            self._dropped = self._closed(HostNs(0))
+        self._begin(self._make_parts(None))
+        self._reorder.tracker.next_id = next_id
 
     @property
     def wake_at(self) -> HostNs | None:

@@ -126,16 +126,16 @@ class EventHandlers:
                         self._components.publisher.forget_targets()
                         self._target_log.settle(self._components.camera.settle(now), plane=None)
                     self._target_log.origin_moved_in(now, origin)
-                    self._place_ground(now)
+                    self.place_ground(now)
                 case TakeOffFound():
-                    self._place_ground(now)
+                    self.place_ground(now)
                 case RelativeWorld():
                     self._target_log.begin(None)
                 case HomeMoved() | PositionJumped():
                     self._of_position(event, now)
             self._outputs.notify(notice_text(event), now)
         if self._placed_without_undulation and self._components.telemetry.undulation_m is not None:
-            self._place_ground(now)
+            self.place_ground(now)
 
     def _of_position(self, event: HomeMoved | PositionJumped, now: HostNs) -> None:
         camera = self._components.camera
@@ -148,7 +148,7 @@ class EventHandlers:
                     camera.home_moved(down_m)
                 self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
 
-    def _place_ground(self, now: HostNs) -> None:
+    def place_ground(self, now: HostNs) -> None:
         """Set the ground model's origin; repeated when the geoid is known, because an elevation model may need it."""
         telemetry, camera = self._components.telemetry, self._components.camera
         plane, take_off = telemetry.world.plane, telemetry.world.take_off

@@ -20,7 +20,6 @@ class FrameHandlers:
     def __init__(self, components: Components, target_log: TargetLog, outputs: OutputBuffer, *, live: bool) -> None:
         """``live``: false in a replay, where no message is sent."""
         self._components = components
-        self._camera = components.camera
         self._target_log = target_log
         self._outputs = outputs
         self._live = live
@@ -29,20 +28,20 @@ class FrameHandlers:
         """Handle a decoded frame, or the reason why a datagram was rejected."""
         if isinstance(frame, NoFrame):
             self._target_log.drop_frames(frame.reason)
-            if self._camera is not None and frame.reason is not Reason.OVERLOAD:
-                self._camera.on_refused_frame(frame.reason, now)
-        elif self._camera is not None:
+            if self._components.camera is not None and frame.reason is not Reason.OVERLOAD:
+                self._components.camera.on_refused_frame(frame.reason, now)
+        elif self._components.camera is not None:
             if self._components.spots is not None:
                 self._components.spots.on_picture(frame)
-            self._camera.on_frame(frame, now)
+            self._components.camera.on_frame(frame, now)
             self.take_ready(now)
 
     def take_ready(self, now: HostNs) -> int:
         """Localize, track and publish the frames whose attitudes are known. Returns the number of these frames."""
-        if self._camera is None:
+        if self._components.camera is None:
             return 0
-        taken = self._camera.frames_taken
-        for seen in self._camera.take_ready(now):
+        taken = self._components.camera.frames_taken
+        for seen in self._components.camera.take_ready(now):
             if self._live:
                 situation = self._components.situation(now)
                 publisher = self._components.publisher
@@ -50,44 +49,44 @@ class FrameHandlers:
                     self._components.spots.on_tracks(seen.tracks)
                 self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
                 self._outputs.notify(publisher.notices(), now)
-        return self._camera.frames_taken - taken
+        return self._components.camera.frames_taken - taken
 
     def settle(self, now: HostNs) -> None:
         """Write the lines of the frames that are final."""
-        if self._camera is not None:
-            self._target_log.settle(self._camera.settle(now), self._components.telemetry.world.plane)
+        if self._components.camera is not None:
+            self._target_log.settle(self._components.camera.settle(now), self._components.telemetry.world.plane)
 
     def finish(self, now: HostNs) -> None:
         """Write the lines of all frames: the flight has ended."""
-        if self._camera is not None:
-            self._target_log.settle(self._camera.finish(now), self._components.telemetry.world.plane)
+        if self._components.camera is not None:
+            self._target_log.settle(self._components.camera.finish(now), self._components.telemetry.world.plane)
 
     @property
     def wake_at(self) -> HostNs | None:
         """Instant at which a frame has waited long enough, its lines are due, or self-calibration is due."""
-        return None if self._camera is None else self._camera.wake_at
+        return None if self._components.camera is None else self._components.camera.wake_at
 
     @property
     def waiting_detections(self) -> int:
         """Number of detections in frames that wait for attitudes."""
-        return 0 if self._camera is None else self._camera.waiting_detections
+        return 0 if self._components.camera is None else self._components.camera.waiting_detections
 
     @property
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id."""
-        return {} if self._camera is None else self._camera.best_targets
+        return {} if self._components.camera is None else self._components.camera.best_targets
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:
         """Result of self-calibration that the next flight may start from; None without one."""
-        report = None if self._camera is None else self._camera.calibration
+        report = None if self._components.camera is None else self._components.camera.calibration
         return None if report is None else report.keep
 
     @property
     def time_offset_s(self) -> float:
         """Configured delay of the camera's stamps, seconds."""
-        return 0.0 if self._camera is None else self._camera.look.time_offset_s
+        return 0.0 if self._components.camera is None else self._components.camera.look.time_offset_s
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
-        return None if self._camera is None else self._camera.look.assumed_arrival(frame)
+        return None if self._components.camera is None else self._components.camera.look.assumed_arrival(frame)

@@ -12,6 +12,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams
+from fwav_companion.pipeline.camera_restart import CameraRestart
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
 from fwav_companion.pipeline.frame_handlers import FrameHandlers
@@ -69,6 +70,7 @@ class Pipeline:
         self._frames = FrameHandlers(components, target_log, self._outputs, live=live)
         self._seconds = SecondLines(components, target_log, self._outputs, unix_offset_ns)
         self._speaker = Speaker(components, self._outputs, self._handlers)
+        self._restart = CameraRestart(components, self._handlers, self._outputs)
         self._ended = False
 
     # What comes in.
@@ -180,8 +182,11 @@ class Pipeline:
         self._outputs.notify(notices, now)
 
     def on_internal_fault(self, now: HostNs) -> None:
-        """Pause the heartbeats after an internal fault: the service's messages may be wrong."""
+        """Pause the heartbeats after an internal fault: the service's messages may be wrong. Where faults repeat,
+        localization and tracking start anew.
+        """
         self._components.identity.beats.fault()
+        self._restart.on_fault(now)
         self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
 
@@ -298,6 +303,7 @@ class Pipeline:
         always = (
             self._clock_line_ns,
             self._fault_over_ns,
+            self._restart.wake_at,
             components.identity.wake_at,
             components.telemetry.wake_at,
             self._frames.wake_at,
@@ -309,6 +315,7 @@ class Pipeline:
     def _wake(self, due: HostNs, now: HostNs) -> None:
         """Let every room do its due work: estimation with the time it was due, messages with the present time."""
         components = self._components
+        self._restart.on_wake(due)
         self._handlers.of_identity(components.identity.on_wake(due), now)
         self._handlers.of_telemetry(components.telemetry.on_wake(due), due)
         self._frames.take_ready(due)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from fwav_companion import __version__
 from fwav_companion.camera import Calibration
@@ -35,7 +36,7 @@ from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pairing import LATEST_NS, Pairer, VehicleSource
-from fwav_companion.pipeline.camera_pipeline import CameraPipeline
+from fwav_companion.pipeline.camera_pipeline import CameraParts, CameraPipeline
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
@@ -160,30 +161,56 @@ def make_camera(
     smooths: bool = False,
 ) -> CameraPipeline:
     """The pipeline of one camera. ``vehicle``: the vehicle's telemetry, or the poses of photographs."""
-    landmarks = [landmark.known for landmark in config.landmark]
-    tracker: Tracker
-    if smooths and own_filter is None and isinstance(vehicle, Telemetry) and _is_smoothed(config):
-        lever_m = config.camera.mount.lever_arm_m
-        tracker = smoothed_tracker(
-            tracking_options(config), config.priors, vehicle, kept, lever_m=lever_m, landmarks=landmarks
-        )
-    elif own_filter is None:
-        tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept, landmarks=landmarks)
-    else:
-        self_calibration = config.tracking.self_calibration
-        tracker = tracker_with(own_filter, config.priors, vehicle.state_at, kept, self_calibration=self_calibration)
-    tracker.reports_innovations = sightings
-    return CameraPipeline(
+    make_parts = partial(
+        _camera_parts,
+        config,
+        calibration,
         vehicle,
+        elevation=elevation,
+        own_filter=own_filter,
+        sightings=sightings,
+        smooths=smooths,
+    )
+    return CameraPipeline(vehicle, make_parts, target_log, kept=kept, sightings=sightings)
+
+
+def _camera_parts(
+    config: Config,
+    calibration: Calibration,
+    vehicle: VehicleSource,
+    kept: KeptCalibration | None,
+    *,
+    elevation: Sequence[ElevationTile],
+    own_filter: Filter | None,
+    sightings: bool,
+    smooths: bool,
+) -> CameraParts:
+    """The rooms of a camera's pipeline before the first frame."""
+    tracker = _tracker(config, vehicle, kept, own_filter, smooths=smooths)
+    tracker.reports_innovations = sightings
+    return CameraParts(
         make_pairer(config, calibration),
         localizer=Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m),
         reorder=Reorder(tracker, LATEST_FRAME_NS) if config.publish.landing_target else Reorder(tracker),
-        target_log=target_log,
-        sightings=sightings,
         agreement=FixAgreement(config.priors),
         readout=ReadoutAdvice(config.priors),
         landmarks=LandmarkSights(landmarks, config.priors, min_height_m=config.ground.min_height_m),
     )
+
+
+def _tracker(
+    config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *, smooths: bool
+) -> Tracker:
+    """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects."""
+    options, priors = tracking_options(config), config.priors
+    if own_filter is not None:
+        self_calibration = config.tracking.self_calibration
+        return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
+    landmarks = [landmark.known for landmark in config.landmark]
+    if smooths and isinstance(vehicle, Telemetry) and _is_smoothed(config):
+        lever_m = config.camera.mount.lever_arm_m
+        return smoothed_tracker(options, priors, vehicle, kept, lever_m=lever_m, landmarks=landmarks)
+    return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks)
 
 
 def _is_smoothed(config: Config) -> bool:

@@ -65,6 +65,11 @@ class CameraDesk:
             if self.vision is not None and not self.vision.send(_encode(order)):
                 warn("the camera process takes no order: the click is not followed")
 
+    def restart(self) -> None:
+        """Replace the camera process: internal faults repeated, and its messages may be their cause."""
+        if self.vision is not None:
+            self.vision.restart()
+
     def _frame(self, data: bytes, now: HostNs) -> Frame | None:
         frame = parse_frame(data, now, self._clock.wall)
         return frame if isinstance(frame, Frame) else None

@@ -126,10 +126,11 @@ class Service:
     def _close(self) -> None:
         parts, dispatcher = self._parts, self._dispatcher
         now = parts.clock.now()
-        parts.journal.tick(now)
-        parts.pipeline.finish(now)
-        dispatcher.flush(now)
-        parts.journal.end(now)
+        for step in (parts.journal.tick, parts.pipeline.finish, dispatcher.flush, parts.journal.end):
+            try:
+                step(now)
+            except Exception as error:  # noqa: BLE001  # what comes after it is closed all the same
+                parts.log.faulted({"message": "at the end of the run", "exception": error})
         inputs = (self._detections, self._vision, dispatcher.map_link, self._fleet)
         for part in (*inputs, *dispatcher.links.values()):
             if part is not None:

@@ -15,7 +15,7 @@ from fwav_companion.service.parts import ServiceParts
 from fwav_companion.service.service_factory import make_map_link
 from fwav_companion.service.timer import NET_NS, PipelineTimer
 from fwav_companion.service.witness import Witness
-from fwav_companion.types import Frame, NoFrame, Notice, Outgoing
+from fwav_companion.types import Frame, NoFrame, Notice, NoticeCode, Outgoing
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 SMALL_BYTES = 2048
@@ -150,6 +150,8 @@ class Dispatcher:
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
             self._log.noticed(outputs.notices)
+            if any(notice.code is NoticeCode.STARTED_ANEW for notice in outputs.notices):
+                self.camera.restart()
             self.camera.send(outputs.spot_messages)
         if self._journal.records:
             self._journal.armed(self._pipeline.identity.armed, now)

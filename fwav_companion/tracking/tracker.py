@@ -81,6 +81,15 @@ class Tracker:
         return {track.id: target(track) for track in self._state.alive if track.id > 0}
 
     @property
+    def next_id(self) -> int:
+        """The id of the next new track."""
+        return self._state.next_id
+
+    @next_id.setter
+    def next_id(self, next_id: int) -> None:
+        self._state = msgspec.structs.replace(self._state, next_id=next_id)
+
+    @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
         """The record of each landmark's sights so far."""
         landmarks = self._state.landmarks

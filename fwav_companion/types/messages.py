@@ -79,6 +79,9 @@ class NoticeCode(StrEnum):
     OVERLOAD = "overload"
     """Frames were dropped that came faster than the processor handles them."""
 
+    STARTED_ANEW = "started_anew"
+    """Internal faults repeated: localization, tracking and the vision process start anew. Report the log."""
+
     READY = "ready"
     """The service localizes: it reports its rates and the accuracy to expect."""
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"

@@ -102,6 +102,8 @@ class Reason(StrEnum):
     """Another autopilot was adopted."""
     ORIGIN_SET = "origin_set"
     """The first global position arrived, and the world got its origin."""
+    INTERNAL_FAULT = "internal_fault"
+    """Internal faults repeated: tracking was built anew, or a frame came before that."""
     REPLACED = "replaced"
     """The track was merged into the senior track of the same target."""
     TOO_MANY_TRACKS = "too_many_tracks"

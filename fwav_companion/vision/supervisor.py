@@ -111,6 +111,10 @@ class VisionProcess:
         if started is not None:
             _end(started, 0.0)
 
+    def restart(self) -> None:
+        """End the process; the supervision starts another."""
+        self._ended.set()
+
     def status(self) -> VisionReport:
         """Part of the status: the state of the camera process."""
         pid = self._started[0].pid if self._started is not None else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,7 +15,7 @@ from fwav_companion.service.daemon import Service
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import Outbox
 from fwav_companion.service.timer import NET_NS, PipelineTimer
-from fwav_companion.types import Destination, Outgoing
+from fwav_companion.types import Destination, Notice, NoticeCode, Outgoing, Severity
 
 NOW = HostNs(5 * NS_PER_S)
 
@@ -68,3 +69,21 @@ def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Ser
         service._dispatcher.on_internal_fault(None, {"message": "as the event loop has it", "exception": fault.value})
         assert [when_s for when_s, _ in rings] == [(now + NET_NS) / NS_PER_S]
         now = HostNs(now + NET_NS)
+
+
+def test_a_fault_at_the_end_keeps_nothing_from_being_closed(service: Service, monkeypatch: pytest.MonkeyPatch):
+    closed: list[float] = []
+    monkeypatch.setattr(service._parts.pipeline, "finish", lambda _: 1 / 0)
+    monkeypatch.setattr(service._parts.calibrations, "close", closed.append)
+    service._close()
+    assert len(closed) == 1
+    assert service._parts.log.faults == 1
+
+
+def test_a_restart_of_tracking_replaces_the_vision_process(service: Service, monkeypatch: pytest.MonkeyPatch):
+    restarts: list[str] = []
+    service._dispatcher.camera.vision = SimpleNamespace(restart=lambda: restarts.append("vision"))
+    monkeypatch.setattr(service._dispatcher, "_arm", lambda _: None)
+    notice = Notice(NoticeCode.STARTED_ANEW, Severity.ERROR, "tracking starts anew", to_ground=True)
+    service._dispatcher.report([notice], NOW)
+    assert restarts == ["vision"]
