@@ -33,6 +33,7 @@ from fwav_companion.recording.lines import sighting_line
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
+from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import (
     Frame,
@@ -198,6 +199,11 @@ class CameraPipeline:
     def calibration(self) -> CalibrationReport | None:
         """Present result of self-calibration; None where it is off."""
         return self._reorder.tracker.calibration
+
+    @property
+    def crowd(self) -> Crowd:
+        """The labels of which more detections fit no track than new targets explain."""
+        return self._reorder.tracker.crowd
 
     @property
     def best_targets(self) -> dict[int, TargetEstimate]:

@@ -186,6 +186,7 @@ def _camera_parts(
     smooths: bool,
 ) -> CameraParts:
     """The rooms of a camera's pipeline before the first frame."""
+    landmarks = [landmark.known for landmark in config.landmark]
     tracker = _tracker(config, vehicle, kept, own_filter, smooths=smooths)
     tracker.reports_innovations = sightings
     return CameraParts(

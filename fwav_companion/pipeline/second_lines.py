@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.crowd_notices import CrowdNotices
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.pipeline.terrain_reports import TerrainReports
@@ -22,6 +23,7 @@ class SecondLines:
         self._outputs = outputs
         self._unix_offset_ns = unix_offset_ns
         self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
+        self._crowds = CrowdNotices()
 
     def next_after(self, now: HostNs) -> HostNs:
         """Host instant of the next whole second of the recording's clock."""
@@ -36,6 +38,8 @@ class SecondLines:
         if camera is None:
             return
         self._outputs.notify(camera.readout.notices(), at)
+        if camera.crowd.labels:
+            self._outputs.notify(self._crowds.notices(camera.crowd), at)
         self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
         text = camera.shift_by_landmark()
         if text:

@@ -7,6 +7,7 @@ from math import dist, log, pi, sqrt
 import msgspec
 
 from fwav_companion.geometry.vectors import cross, norm
+from fwav_companion.tracking.crowd import NO_CROWD, Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.types import GroundFix
 
@@ -29,9 +30,17 @@ class Clutter(msgspec.Struct, frozen=True):
     far_cost: float = 0.0
     """Cost below which a steady track takes a fix: ``miss_cost`` where false detections are rare, otherwise 0."""
 
+    crowd: Crowd = NO_CROWD
+    """Labels of which false detections are denser now."""
+    image_px2: float = 1.0
+
     def llr_of(self, fix: GroundFix) -> float:
         """Sum of NIS and log determinant ratio of a fix at which target and clutter are equally likely."""
-        return -2.0 * log(self.false_per_px2 * noise_area_px2(fix))
+        false_per_px2 = self.false_per_px2
+        if self.crowd.labels:
+            crowded = self.crowd.false_per_frame(fix.sighting.detection.label) / self.image_px2
+            false_per_px2 = max(false_per_px2, crowded)
+        return -2.0 * log(false_per_px2 * noise_area_px2(fix))
 
 
 def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
@@ -39,7 +48,8 @@ def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
     probability = detector.detection_probability
     odds = 2.0 * log(probability / (1.0 - probability))
     false, miss_cost = detector.false_per_frame, max(0.0, odds)
-    return Clutter(false / image_px2, min(0.0, odds), miss_cost, miss_cost if false <= MOST_FALSE else 0.0)
+    few = false <= MOST_FALSE and not detector.crowd.labels
+    return Clutter(false / image_px2, min(0.0, odds), miss_cost, miss_cost if few else 0.0, detector.crowd, image_px2)
 
 
 def noise_area_px2(fix: GroundFix) -> float:

@@ -7,11 +7,12 @@ acceptable rate of false tracks (Blackman & Popoli 1999, ch. 6).
 
 from __future__ import annotations
 
-from math import exp, log
+from math import exp, inf, log
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.tracking.crowd import NO_CROWD, Crowd
 from fwav_companion.tracking.detector_ids import IdEvidence
 
 DETECTED_PRIOR, MISSED_PRIOR = 3.5, 1.5
@@ -57,6 +58,8 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     """The probability that a look at a target detects it."""
     ids: IdEvidence = IdEvidence()
     """How far the detector's own track ids persist."""
+    crowd: Crowd = NO_CROWD
+    """The labels of which more detections fit no track than new targets explain."""
 
     def after_frame(
         self,
@@ -67,6 +70,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
         false: float,
         undecided: float = 0.0,
         ids: IdEvidence | None = None,
+        crowd: Crowd = NO_CROWD,
     ) -> DetectorModel:
         """The model after one more frame with its looks at confirmed tracks and its false detections."""
         looked, framed = self.looks + looks, self.frames + 1.0
@@ -82,6 +86,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
             host_ns,
             _detection_probability(hits, looked),
             self.ids if ids is None else ids,
+            crowd,
         )
 
     def elapsed_s(self, host_ns: HostNs) -> float:
@@ -103,14 +108,16 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
         """Mean rate of frames, Hz."""
         return self.frames / self.seconds if self.seconds > 0.0 else 1.0 / FIRST_INTERVAL_S
 
-    @property
-    def confirming_llr(self) -> float:
-        """Threshold of the track score for confirmation.
+    def confirming_llr(self, label: str) -> float:
+        """Threshold of the track score for confirmation; infinite while the label is crowded.
 
         The score of a chain of clutter ever exceeds ``t`` with a probability of at most exp(-t). So the rate of false
         tracks is at most the rate of false detections times exp(-t).
         """
-        false_per_hour = 3600.0 * self.frames_hz * self.false_per_frame
+        if self.crowd.is_crowded(label):
+            return inf
+        false_per_frame = max(self.false_per_frame, self.crowd.false_per_frame(label))
+        false_per_hour = 3600.0 * self.frames_hz * false_per_frame
         return max(LEAST_CONFIRMING_LLR, log(false_per_hour / FALSE_TRACKS_PER_HOUR))
 
 

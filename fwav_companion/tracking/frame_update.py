@@ -18,6 +18,8 @@ from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_ids import CERTAIN, IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
+from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.frame_association import Taken
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
@@ -84,11 +86,22 @@ class FrameUpdate(msgspec.Struct, frozen=True):
     def _unseen(self, track: LiveTrack) -> LiveTrack:
         """The track after a frame without a fix for it."""
         missed = is_missed_detection(self.view, track.label, self.choice.target(track), self._margin_m(track))
+        missed = missed and not self._is_in_a_crowd(track)
         look_s = LOOK_S if track.target.velocity_cov is None else MOVING_LOOK_S
         life = not_detected(
             track.life, self.view.host_ns, missed=missed, keep_ns=self.keep_ns, detector=self.detector, look_s=look_s
         )
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
+
+    def _is_in_a_crowd(self, track: LiveTrack) -> bool:
+        """Whether a confirmed track has a fix in its gate that association did not take, as false detections are dense.
+
+        It may be the target's or not, so the frame shows neither a detection nor a miss.
+        """
+        if not (track.confirmed and track.label in self.detector.crowd.labels):
+            return False
+        fixes = [fix for fix in self.view.fixes if fix.sighting.detection.label == track.label]
+        return any(gated.nis < GATE for gated in gates_of(track.target, fixes))
 
     def _margin_m(self, track: LiveTrack) -> float | None:
         """Largest likely displacement of the target in the image by the mount error, known and unknown, metres.

@@ -77,12 +77,14 @@ def initiated(host_ns: HostNs) -> Life:
     return Life(TrackState.TENTATIVE, host_ns, host_ns)
 
 
-def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector: DetectorModel) -> Life:
+def detected(
+    life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector: DetectorModel, label: str = ""
+) -> Life:
     """The life of a track after a detection. ``log_likelihood_ratio``: that of its fix, target against clutter."""
     probability = _detection_probability(life, detector)
     detections, llr = life.detections + 1, life.log_likelihood_ratio + log_likelihood_ratio + log(probability)
     confirmed_ns = life.confirmed_ns
-    if confirmed_ns is None and detections >= LEAST_DETECTIONS and llr >= detector.confirming_llr:
+    if confirmed_ns is None and detections >= LEAST_DETECTIONS and llr >= detector.confirming_llr(label):
         confirmed_ns = host_ns
     if confirmed_ns is not None:  # a bound on tentative tracks could lie below the threshold of confirmation
         llr = min(llr, DELETED_LLR - KEPT_LOOKS * log(1.0 - probability))

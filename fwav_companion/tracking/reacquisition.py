@@ -47,14 +47,20 @@ def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], de
     coasting = [track for track in tracks if track.life.state is TrackState.COASTING and track.id in taken]
     if not coasting:
         return {}
-    needed = detector.confirming_llr - log(detector.detection_probability)
-    for_standing = -inf if are_photographs(detector) else min(needed, STANDING_LLR)
-    weak = [(track, taken[track.id]) for track in coasting if taken[track.id][1] < needed]
+    needed = {
+        label: detector.confirming_llr(label) - log(detector.detection_probability)
+        for label in {track.label for track in coasting}
+    }
+    for_standing = -inf if are_photographs(detector) else STANDING_LLR
+    weak = [(track, taken[track.id]) for track in coasting if taken[track.id][1] < needed[track.label]]
     return {
         id(fix): (track, (fix, llr))
         for track, (fix, llr) in weak
         if track.target.gate(fix).log_det_ratio > WIDE
-        and (track.target.velocity_cov is not None or (llr < for_standing and not _is_shared(track, fix, tracks)))
+        and (
+            track.target.velocity_cov is not None
+            or (llr < min(for_standing, needed[track.label]) and not _is_shared(track, fix, tracks))
+        )
     }
 
 

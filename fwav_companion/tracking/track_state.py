@@ -9,6 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
+from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
@@ -75,7 +76,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         return msgspec.structs.replace(
             self,
             target=self.target.update(fix),
-            life=detected(self.life, host_ns, log_likelihood_ratio, detector),
+            life=detected(self.life, host_ns, log_likelihood_ratio, detector, self.label),
             last_fix=fix,
             fix=fix,
             detector_id=self.detector_id if detector_id is None else detector_id,
@@ -170,11 +171,12 @@ def detector_after(
     *,
     refused: int,
     id_trust: Mapping[int, IdTrust],
+    crowd: Crowd,
 ) -> DetectorModel:
     """The detector model after a frame. ``after``: the same tracks in order, then those that the frame initiated.
 
     ``id_trust``: trust in the detector's ids of the fixes, by track id.
-    ``refused``: number of fixes for which the track table had no room.
+    ``refused``: number of fixes for which the track table had no room. ``crowd``: that after the frame.
     The fixes of a tentative track count by the probability that the track is clutter: a first photograph of twenty
     animals is not evidence of twenty false detections.
     """
@@ -196,7 +198,9 @@ def detector_after(
         else:
             undecided += expected
     evidence = detector.ids.after(ids) if ids else detector.ids
-    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=evidence)
+    return detector.after_frame(
+        host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=evidence, crowd=crowd
+    )
 
 
 def teaches(fix: GroundFix) -> bool:

@@ -10,6 +10,8 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking import reacquisition
+from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetEstimate
 from fwav_companion.tracking.frame_association import FrameAssociation, associated
 from fwav_companion.tracking.frame_update import FrameUpdate
@@ -81,6 +83,11 @@ class Tracker:
         return {track.id: target(track) for track in self._state.alive if track.id > 0}
 
     @property
+    def crowd(self) -> Crowd:
+        """The labels of which more detections fit no track than new targets explain."""
+        return self._state.detector.crowd
+
+    @property
     def next_id(self) -> int:
         """The id of the next new track."""
         return self._state.next_id
@@ -148,7 +155,13 @@ class Tracker:
         if len(found.taken) < len(view.fixes):
             begun = self._begun(begun, predicted, found, view, landmarks)
         detector = detector_after(
-            state.detector, view.host_ns, predicted, begun.tracks, refused=begun.refused, id_trust=found.id_trust
+            state.detector,
+            view.host_ns,
+            predicted,
+            begun.tracks,
+            refused=begun.refused,
+            id_trust=found.id_trust,
+            crowd=_crowd_after(state.detector, view, predicted, found),
         )
         tracks = begun.tracks
         if landmarks is not None:
@@ -239,6 +252,18 @@ class Tracker:
         fixes = [(track.id, track.fix) for track in old if track.fix is not None and teaches(track.fix)]
         seen = [fix for fix in view.fixes if teaches(fix)]
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
+
+
+def _crowd_after(
+    detector: DetectorModel, view: FrameView, predicted: Sequence[LiveTrack], found: FrameAssociation
+) -> Crowd:
+    """The crowd after a frame; unchanged, without a look at the fixes, where tracks took nearly all of them."""
+    crowd = detector.crowd
+    if not crowd.labels and len(view.fixes) - len(found.taken) <= NEW_TARGETS:
+        return crowd
+    tentative = [found.taken[t.id][0] for t in predicted if t.id in found.taken and not (t.confirmed or t.branch_of)]
+    elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
+    return crowd.after_frame(found.unused(view.fixes), tentative, elapsed_s)
 
 
 def _calibration_predicted(state: Snapshot, calibrator: Calibrator, view: FrameView) -> Snapshot:

@@ -111,6 +111,8 @@ class NoticeCode(StrEnum):
     """A landing target is known, and LANDING_TARGET has been withheld for a second. The text has the reason."""
     LANDING_SENT = "landing_sent"
     """LANDING_TARGET flows after it was reported as withheld."""
+    CROWDED = "crowded"
+    """Most detections of a label fit no track: its new tracks wait for their confirmation. Raise the threshold."""
     CLICK_WITHOUT_CAMERA = "click_without_camera"
     """A station clicked on the picture, and no camera is configured. Set [camera] calibration."""
     CLICK_WITHOUT_TARGET = "click_without_target"

@@ -264,7 +264,7 @@ def test_a_second_target_five_sigma_beside_is_confirmed():
 def test_among_many_false_detections_a_target_that_half_of_the_frames_miss_is_confirmed():
     """Three false detections a frame ask for a score of 15, more than what 15 missed looks at it would delete."""
     life, model = initiated(host_ns(0)), modelled(0.5, 3.0)
-    assert model.confirming_llr > DELETED_LLR - KEPT_LOOKS * np.log(0.5)
+    assert model.confirming_llr("") > DELETED_LLR - KEPT_LOOKS * np.log(0.5)
     for k in range(1, 80):
         at = host_ns(k / 30)
         if k % 2:

@@ -164,7 +164,7 @@ def test_the_bound_is_the_likelihood_ratio_of_the_fix(seconds):
     ratio = log(model.detection_probability * multivariate_normal([0.0, 0.0], cov).pdf([0.0, 0.0]) / false_per_m2)
     wide = np.linalg.det(cov) > 3.0**4 * np.linalg.det(noise)
     again = Flown().coasted(seconds).frame(track.position_ned).tracks[1].state is TrackState.CONFIRMED
-    assert again == (not wide or ratio >= model.confirming_llr)
+    assert again == (not wide or ratio >= model.confirming_llr(""))
 
 
 def test_a_reacquired_life_has_the_evidence_of_both():

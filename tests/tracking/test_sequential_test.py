@@ -147,7 +147,7 @@ def test_no_detector_is_perfect_and_none_is_blind(detections, bound):
 def test_the_threshold_makes_one_false_track_in_ten_hours():
     """Chains of clutter exceed t with a probability of exp(-t) at most, and as many begin as false detections come."""
     an_hour = 3600.0 * 10.0 * SEEN.false_per_frame
-    assert an_hour * 2.718281828459045 ** (-SEEN.confirming_llr) == pytest.approx(0.1)
+    assert an_hour * 2.718281828459045 ** (-SEEN.confirming_llr("")) == pytest.approx(0.1)
     seldom = DetectorModel(frames=100.0, seconds=1_000_000.0)
-    assert seldom.confirming_llr == 5.0, "odds of 150 to one at least"
+    assert seldom.confirming_llr("") == 5.0, "odds of 150 to one at least"
     assert DetectorModel().frames_hz == pytest.approx(30.0)
