@@ -1,9 +1,12 @@
 """Frames in time and in the pixels of the calibration, or refused as a whole.
 
-A frame is refused if it is too late, from the future, a duplicate, or of another aspect ratio than the calibration.
+A frame is refused if it is too late, from the future, a duplicate, or of another aspect ratio than the calibration, and
+where none of its detections has a pixel.
 """
 
 from __future__ import annotations
+
+from math import isfinite
 
 import msgspec
 
@@ -175,6 +178,8 @@ class FramePlacer:
         scaling = scaling_from_size(frame.size, self._image_size)
         if isinstance(scaling, Reason):
             return scaling
+        if frame.detections and not any(isfinite(each.u) and isfinite(each.v) for each in frame.detections):
+            return Reason.NOT_FINITE  # before its stamp is remembered: a valid frame with this stamp may follow
         key = _identity(frame)
         if key in self._seen:
             return Reason.DUPLICATE_FRAME

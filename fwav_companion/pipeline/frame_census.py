@@ -6,6 +6,7 @@ from collections import deque
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.pairing import TwoClocks
+from fwav_companion.pipeline.stamp_series import StampSeries
 from fwav_companion.types import Frame, StampClock
 from fwav_companion.types.flight_status import HeardReport
 
@@ -25,6 +26,7 @@ class FrameCensus:
         self._ages_ns: deque[int] = deque(maxlen=WINDOWS)
         self._window_ns: HostNs | None = None
         self._least_ns: int | None = None
+        self._stamps = StampSeries()
 
     def add(self, frame: Frame, clock: TwoClocks) -> None:
         """Take one frame as it arrived."""
@@ -35,12 +37,19 @@ class FrameCensus:
             if detection.score is not None and (self._best_score is None or detection.score > self._best_score):
                 self._best_score = detection.score
         if frame.arrival_ns is not None:
+            self._stamps.add(frame, frame.arrival_ns)
             self._add_age(frame, frame.arrival_ns, clock)
 
     def status(self) -> HeardReport:
         """Return the census for the status; ages of the finished windows, the oldest first."""
         ages_s = [age_ns / NS_PER_S for age_ns in self._ages_ns]
-        return HeardReport(labels=dict(self._labels), best_score=self._best_score, stamp_ages_s=ages_s)
+        return HeardReport(
+            labels=dict(self._labels),
+            best_score=self._best_score,
+            stamp_ages_s=ages_s,
+            repeated_stamps=self._stamps.repeated,
+            jumped_stamps=self._stamps.jumped,
+        )
 
     def _add_age(self, frame: Frame, arrival_ns: HostNs, clock: TwoClocks) -> None:
         on_host = frame.stamp_clock is StampClock.HOST

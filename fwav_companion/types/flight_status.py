@@ -149,6 +149,10 @@ class HeardReport(msgspec.Struct, frozen=True, kw_only=True):
     best_score: float | None = None
     stamp_ages_s: list[float] = []
     """Least age of a stamp at its arrival, in consecutive windows of 2 s, the oldest first."""
+    repeated_stamps: int = 0
+    """Number of frames with the stamp of the frame before."""
+    jumped_stamps: int = 0
+    """Number of jumps of the stamps to an earlier time."""
 
 
 class AgreementReport(msgspec.Struct, frozen=True, kw_only=True):

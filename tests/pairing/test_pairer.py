@@ -74,8 +74,6 @@ def test_pixel_sigma_is_the_detections_own_or_the_configured():
 @pytest.mark.parametrize(
     ("detection", "reason"),
     [
-        (Detection(nan, 240.0), Reason.NOT_FINITE),
-        (Detection(320.0, inf), Reason.NOT_FINITE),
         (Detection(320.0, 240.0, sigma=(0.0, 1.0)), Reason.NOT_FINITE),
         (Detection(320.0, 240.0, sigma=(1.0, nan)), Reason.NOT_FINITE),
         (Detection(320.0, 240.0, score=nan), Reason.NOT_FINITE),
@@ -100,6 +98,15 @@ def test_refusals_of_a_detection(detection, reason):
     else:
         assert [(index, why) for index, why, _ in paired.refused] == [(0, reason)]
         assert paired.sightings == ()
+
+
+@pytest.mark.parametrize("pixel", [(nan, 240.0), (320.0, inf), (nan, nan)])
+def test_a_frame_without_a_finite_pixel_leaves_its_stamp_to_the_valid_one(pixel):
+    one = pairer()
+    assert refusal(one.pair(frame(pixel, pixel, number=7), StillVehicle())) is Reason.NOT_FINITE
+    assert len(whole(one.pair(frame(CENTRE, number=7), StillVehicle())).sightings) == 1
+    mixed = whole(one.pair(frame(CENTRE, pixel, number=8), StillVehicle()))
+    assert [(index, why) for index, why, _ in mixed.refused] == [(1, Reason.NOT_FINITE)]
 
 
 def test_one_refused_detection_leaves_the_others_their_index():

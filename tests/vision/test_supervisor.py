@@ -202,7 +202,7 @@ def test_a_process_that_hangs_is_ended_and_another_started(tmp_path: Path, quick
         second = daemon.process.status().pid
         assert second not in (None, hanging)
         daemon.process.restart()
-        while daemon.process.status().pid in (None, second):
+        while daemon.process.status().pid in (None, second):  # noqa: ASYNC110  # no event says it
             await asyncio.sleep(0.05)
         daemon.process.close()
         with pytest.raises(ProcessLookupError):

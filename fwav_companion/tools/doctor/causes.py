@@ -75,7 +75,10 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     ),
     "malformed": UNUSED,
     "no_time": UNUSED,
+    "stamps_drift": frozenset({"too_late", "from_the_future", "fixes_disagree"}),
     "stamps_grow_old": frozenset({"too_late", "fixes_disagree"}),
+    "stamps_jump": frozenset({"too_late", "from_the_future", "fixes_disagree", "readout_unknown"}),
+    "stamps_repeat": frozenset({"too_late", "fixes_disagree", "readout_unknown"}),
     "mount_in_radians": frozenset({"above_horizon", "fixes_disagree"}),
     "above_horizon": frozenset({"fixes_disagree"}),
 }

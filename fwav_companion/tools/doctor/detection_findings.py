@@ -21,6 +21,10 @@ PASSED: Final = 0.01
 """Share of detections: a filter that passes no more than this passes nothing."""
 OLDER_S: Final = 0.02
 """Least growth of the minimum age over the windows, seconds: jitter leaves less in a minimum of sixty frames."""
+WINDOW_S: Final = 2.0
+"""Time between two of these ages, seconds."""
+MOST_DRIFT: Final = 0.03
+"""Largest rate error of a clock: a queue that builds up mostly grows faster."""
 
 FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.MALFORMED: (
@@ -128,6 +132,7 @@ def detection_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     if not evidence.config.localizes or evidence.files.calibration is None:
         return
     yield from _refused(FRAME_REFUSALS, status, max(status.intake.came, status.frames), "frames")
+    yield from _stamps(status)
     yield from _growing_age(status)
     yield from _refused(DETECTION_REFUSALS, status, judged_detections(status), "detections")
     yield from _filtered(evidence, status)
@@ -149,9 +154,52 @@ def _refused(
             yield Finding(reason.value, level if most else Level.WARNING, "detections", problem=text, fix=fix)
 
 
-def _growing_age(status: RunStatus) -> Iterator[Finding]:
-    """A queue that builds up in the detector, or a clock of another rate."""
+def _stamps(status: RunStatus) -> Iterator[Finding]:
+    """Stamps that are not the times at which pictures were taken."""
+    heard, came = status.seen.heard, max(status.intake.came, status.frames)
+    if heard.jumped_stamps >= FEW:
+        yield Finding(
+            "stamps_jump",
+            Level.ERROR,
+            "detections",
+            problem=f"stamps jump back and forth: {heard.jumped_stamps} times in {came} frames",
+            fix="stamp with time_monotonic, which is never set; check that no second detector sends here",
+        )
+    elif heard.repeated_stamps >= FEW and heard.repeated_stamps > SHARE * came:
+        yield Finding(
+            "stamps_repeat",
+            Level.ERROR,
+            "detections",
+            problem=f"{heard.repeated_stamps} of {came} frames have the stamp of the frame before",
+            fix="read the clock for each picture, when it is taken; check that no second detector sends here",
+        )
+
+
+def _drift(status: RunStatus) -> float | None:
+    """Rate at which the stamps' ages grow, seconds a second; None where they do not grow or fall steadily."""
     ages_s = status.seen.heard.stamp_ages_s
+    steps_s = [b - a for a, b in pairwise(ages_s)]
+    if len(steps_s) < 2 or abs(ages_s[-1] - ages_s[0]) < OLDER_S:
+        return None
+    least_s, most_s = min(map(abs, steps_s)), max(map(abs, steps_s))
+    if any(step_s * steps_s[0] <= 0.0 for step_s in steps_s) or most_s > 2.0 * least_s:
+        return None
+    return (ages_s[-1] - ages_s[0]) / (len(steps_s) * WINDOW_S)
+
+
+def _growing_age(status: RunStatus) -> Iterator[Finding]:
+    """A clock of another rate, or a queue that builds up in the detector."""
+    ages_s, drift = status.seen.heard.stamp_ages_s, _drift(status)
+    if drift is not None and abs(drift) <= MOST_DRIFT:
+        yield Finding(
+            "stamps_drift",
+            Level.WARNING,
+            "detections",
+            problem=f"the stamps' clock is {abs(drift):.1%} {'slower' if drift > 0.0 else 'faster'} than this board's",
+            fix="stamp with this board's own clock; a detector on another computer: time_boot or NTP"
+            + ("; or the detector falls behind by as much: let it drop frames" if drift > 0.0 else ""),
+        )
+        return
     if len(ages_s) < 3 or ages_s[-1] - ages_s[0] < OLDER_S or any(b <= a for a, b in pairwise(ages_s)):
         return
     yield Finding(

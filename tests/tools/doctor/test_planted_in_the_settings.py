@@ -153,12 +153,56 @@ def test_stamps_that_grow_old_are_named_before_frames_are_refused():
 
     def queued(frame):
         nonlocal late
-        late += 0.0005
+        late += 0.0015
         return frame | {"time_monotonic": frame["time_monotonic"] - late}
 
     (finding,) = examine(heard(HEALTHY, frame=queued, seconds=13.0))
     assert (finding.code, finding.level) == ("stamps_grow_old", Level.WARNING)
     assert "later and later" in finding.problem
+
+
+@pytest.mark.parametrize(("rate", "word"), [(-0.01, "1.0% slower"), (0.01, "1.0% faster")])
+def test_a_clock_of_another_rate_is_named(rate, word):
+    first: list[float] = []
+
+    def drifting(frame):
+        first.append(frame["time_monotonic"])
+        return frame | {"time_monotonic": frame["time_monotonic"] + rate * (frame["time_monotonic"] - first[0])}
+
+    (finding,) = examine(heard(HEALTHY, frame=drifting, seconds=13.0))
+    assert finding.code == "stamps_drift"
+    assert word in finding.problem
+
+
+@pytest.mark.parametrize("back_s", [0.05, 0.2, 0.4, 1.0])
+def test_stamps_that_jump_back_and_forth_are_named(back_s):
+    count = 0
+
+    def jumping(frame):
+        nonlocal count
+        count += 1
+        return frame | {"time_monotonic": frame["time_monotonic"] - back_s * (count // 7 % 2)}
+
+    assert "stamps_jump" in found(heard(HEALTHY, frame=jumping))
+
+
+def test_stamps_that_repeat_are_named():
+    """A detector that reads its clock for every third picture."""
+    count, stamp = 0, 0.0
+
+    def stuck(frame):
+        nonlocal count, stamp
+        stamp = frame["time_monotonic"] if count % 3 == 0 else stamp
+        count += 1
+        return frame | {"time_monotonic": stamp}
+
+    (finding,) = examine(heard(HEALTHY, frame=stuck))
+    assert (finding.code, finding.level) == ("stamps_repeat", Level.ERROR)
+
+
+def test_frames_that_come_late_and_out_of_order_do_not_jump():
+    late = HEALTHY.but({"camera.late_every": 3, "camera.late_by_s": 0.31})
+    assert not {"stamps_jump", "stamps_repeat"} & set(found(heard(late)))
 
 
 def test_stamps_that_are_always_old_do_not_grow():
