@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from fwav_companion.cli.foreign_files import LARGE_HELP, foreign_files
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import ConfigError, InputFileError, UserError
 from fwav_companion.libraries import require
@@ -70,13 +71,14 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="measure the accuracy of the boxes: COCO JSON or a folder of YOLO text files of these pictures; still: "
         "they are a video of standing things by a standing camera. Prints the lines for [vision]",
     )
+    add("--large", action="store_true", help=LARGE_HELP)
     add("--json", action="store_true", help="end with the counts as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Detect in every picture; returns 0. UserError: the pictures, their times or the configuration are wrong."""
-    with as_by_ctrl_c():
+    with as_by_ctrl_c(), foreign_files("detect", large=arguments.large):
         return _detected(arguments)
 
 

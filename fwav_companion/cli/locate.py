@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fwav_companion.cli.foreign_files import LARGE_HELP, foreign_files
 from fwav_companion.cli.pose_options import given_angles, given_poses, numbers, text_of
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import InputFileError, UserError
@@ -76,13 +77,14 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--http", metavar="HOST:PORT", help="serve a page to click in the pictures beside a map, as 127.0.0.1:8090")
     add("--tiles", metavar="FILE.mbtiles", help="map tiles for --http; without them there is a grid with a scale")
     add("--out", metavar="FILE", type=Path, help="also write the places: .kml, .geojson or .csv")
+    add("--large", action="store_true", help=LARGE_HELP)
     add("--json", action="store_true", help="end with the answer as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Locate; returns 0, or 1 where a pixel has no place. UserError: pictures or options are wrong."""
-    with as_by_ctrl_c():
+    with as_by_ctrl_c(), foreign_files("locate", large=arguments.large):
         return _located(arguments)
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from fwav_companion.cli.foreign_files import foreign_files
 from fwav_companion.cli.output import is_stdout, written
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
@@ -72,7 +73,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read all input, then write line by line."""
-    with as_by_ctrl_c():
+    with as_by_ctrl_c(), foreign_files("replay", large=True):
         if arguments.compare:
             return _compare(arguments)
         if arguments.folder is not None:

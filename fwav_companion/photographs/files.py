@@ -14,13 +14,12 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import opened
 from fwav_companion.photographs.exif_tags import stated_size
 from fwav_companion.photographs.tags import PictureTags, xmp_values
+from fwav_companion.pixels import largest_picture
 
 EXIF_IFD, GPS_IFD = 0x8769, 0x8825
 XMP_BEGIN, XMP_END = b"<x:xmpmeta", b"</x:xmpmeta>"
 MOST_XMP = 1 << 20
 """Bytes at the start of a file that are searched for its XMP, which precedes the picture."""
-LARGEST_PICTURE = 400_000_000
-"""Most pixels of a picture: four times those of the largest aerial camera, 100 Mpx."""
 SUFFIXES = (".jpeg", ".jpg", ".png", ".tif", ".tiff", ".dng")
 
 
@@ -28,6 +27,7 @@ def read_tags(path: Path) -> PictureTags:
     """The tags of a picture; its pixels are not decoded. InputFileError where it is not a picture."""
     from PIL import Image
 
+    Image.MAX_IMAGE_PIXELS = None  # the limit is ours, and its line says what is accepted
     try:
         with opened(path) as file, warnings.catch_warnings(), _pixels_uncounted(Image):
             warnings.simplefilter("ignore")  # Pillow's about sizes and broken tags: the answer is one line or none
@@ -43,8 +43,10 @@ def read_tags(path: Path) -> PictureTags:
         raise InputFileError(f"{path}: {reason}; accepted: a JPEG, PNG or TIFF picture") from None
     except Exception:  # noqa: BLE001  # Pillow raises errors of many kinds for broken files
         raise InputFileError(f"{path}: a broken picture; accepted: a JPEG, PNG or TIFF picture") from None
-    if size[0] * size[1] > LARGEST_PICTURE:
-        raise InputFileError(f"{path}: {size[0]} x {size[1]} pixels; accepted: at most {LARGEST_PICTURE // 10**6} Mpx")
+    most = largest_picture()
+    if most is not None and size[0] * size[1] > most:
+        limit = f"at most {most // 10**6} Mpx, more with --large"
+        raise InputFileError(f"{path}: {size[0]} x {size[1]} pixels; accepted: {limit}")
     return PictureTags(size=size, xmp=xmp_values(packet.decode("utf-8", "replace")), exif={**main, **own}, gps=gps)
 
 

@@ -129,6 +129,8 @@ def _read_geotiff(path: Path) -> ElevationTile:
         with rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"), rasterio.open(path) as source:
             if source.crs is None:
                 raise InputFileError(f"{path}: it has no coordinate system; accepted: a georeferenced GeoTIFF")
+            if source.dtypes[0].startswith("complex"):
+                raise InputFileError(f"{path}: its samples are complex numbers; accepted: a GeoTIFF of heights")
             if source.crs.is_geographic and source.transform.is_rectilinear and source.transform.e < 0.0:
                 return _tile(path, source)
             options = {"resampling": rasterio.enums.Resampling.bilinear, "src_nodata": _void_of(source)}
@@ -136,6 +138,11 @@ def _read_geotiff(path: Path) -> ElevationTile:
                 return _tile(path, warped)
     except RasterioError as error:
         raise InputFileError(f"{path}: {' '.join(str(error).split())}; accepted: a GeoTIFF of heights") from error
+    except InputFileError:
+        raise
+    except Exception as error:  # noqa: BLE001  # GDAL's, and rasterio's for types of samples that numpy lacks
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputFileError(f"{path}: not supported ({reason[:160]}); accepted: a GeoTIFF of heights") from None
 
 
 def _void_of(source: Any) -> float | None:

@@ -20,6 +20,7 @@ from fwav_companion.photographs.pose_from_tags import pose_from_tags
 from fwav_companion.photographs.poses_table import pose_row
 from fwav_companion.photographs.table_poses import with_pose_of_table
 from fwav_companion.photographs.tags import PictureTags, finite_number
+from fwav_companion.pixels import read_pixels
 from fwav_companion.recording.folder import PICTURES, STAMPS
 from fwav_companion.vision.images import (
     Picture,
@@ -248,7 +249,4 @@ def _times(files: list[Path], facts: list[_Facts], start: datetime | None) -> li
 
 def _pixels(path: Path) -> Any:
     """The picture as the sensor has it: a rotation that the file only notes is not applied, as none is in flight."""
-    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if path.is_file() else None
-    if pixels is None:
-        raise InputFileError(f"{path}: not a readable picture")
-    return pixels
+    return read_pixels(path, as_stored=True)

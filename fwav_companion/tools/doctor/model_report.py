@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fwav_companion.config import Config
-from fwav_companion.errors import CompanionError, UserError
+from fwav_companion.errors import CompanionError, InputFileError, UserError
 from fwav_companion.libraries import is_installed
+from fwav_companion.pixels import read_pixels
 from fwav_companion.tools.doctor.evidence import ModelReport
 
 if TYPE_CHECKING:
@@ -50,7 +52,8 @@ def _first_picture(source: str, size: tuple[int, int]) -> Pixels:
     files = sorted(each for each in path.iterdir() if each.suffix.lower() in SUFFIXES) if path.is_dir() else []
     pixels: object = None
     if files:
-        pixels = cv2.imread(str(files[0]))
+        with suppress(InputFileError):
+            pixels = read_pixels(files[0], as_stored=False)
     elif path.is_file():
         capture = cv2.VideoCapture(str(path))
         _, pixels = capture.read()

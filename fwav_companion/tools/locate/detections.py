@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
-
 from fwav_companion.errors import InputFileError
+from fwav_companion.pixels import read_pixels
 from fwav_companion.tools.locate.clicks import PictureClick
 from fwav_companion.tools.locate.photographs import Photograph
 from fwav_companion.vision.images import Detector, DetectorError
@@ -18,9 +17,7 @@ def detected_clicks(photograph: Photograph, detector: Detector, pixels: Any = No
     ``pixels``: of a video's frame, which is no file.
     """
     if pixels is None:
-        pixels = cv2.imread(str(photograph.path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    if pixels is None:
-        raise InputFileError(f"{photograph.path}: not a readable picture")
+        pixels = read_pixels(photograph.path, as_stored=True)
     try:
         found = detector.detect(pixels)
     except DetectorError as error:

@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 from typing import BinaryIO
 
-import cv2
-
+from fwav_companion.errors import InputFileError
+from fwav_companion.pixels import read_pixels
 from fwav_companion.vision.images import Picture, Pixels, SourceLostError, exposure_of, number_of, parse_line, stamp_of
 
 _log = logging.getLogger(__name__)
@@ -82,11 +82,10 @@ class FolderSource:
 
     def _pixels(self, name: object) -> Pixels:
         path = self._folder / Path(str(name)).name  # no line can name a file outside of the folder
-        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
-        if pixels is None:
-            raise SourceLostError(f"{path}: not a readable picture")
-        read: Pixels = pixels
-        return read
+        try:
+            return read_pixels(path, as_stored=False)
+        except InputFileError as error:
+            raise SourceLostError(str(error)) from None
 
     def _replaced(self) -> bool:
         """Whether the file of lines was removed, replaced or truncated."""

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fwav_companion.memory_limit import is_want_of_memory
 from fwav_companion.vision.detectors.model.facts import ModelPort
 from fwav_companion.vision.images import DetectorError
 
@@ -22,6 +23,8 @@ EXTERNAL_DATA = 13
 """Field numbers of ModelProto, GraphProto, NodeProto, AttributeProto and TensorProto (onnx.proto)."""
 DEEPEST_GRAPH: Final = 16
 INT8_OPS: Final = ("QLinear", "QuantizeLinear", "DequantizeLinear", "ConvInteger", "MatMulInteger", "DynamicQuantize")
+
+OUT_OF_MEMORY: Final = "it needs more memory than this process may use; a smaller model, or one without such constants"
 
 Message = memoryview
 
@@ -131,15 +134,21 @@ class ModelSession:
         _require_beside(path, content.locations)
         self.is_int8 = content.is_int8
         self._session = _opened(path, threads, content.opset)
-        self.inputs = tuple(ModelPort(each.name, each.type, tuple(each.shape)) for each in self._session.get_inputs())
-        self.metadata: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
-        self._outputs = [output.name for output in self._session.get_outputs()]
+        try:
+            inputs = self._session.get_inputs()
+            self.inputs = tuple(ModelPort(each.name, each.type, tuple(each.shape)) for each in inputs)
+            self.metadata: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
+            self._outputs = [output.name for output in self._session.get_outputs()]
+        except UnicodeDecodeError:
+            raise DetectorError("it has names of tensors or metadata that are not UTF-8; export it again") from None
 
     def run(self, feed: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """The outputs by name. DetectorError where the model fails."""
         try:
             answers = self._session.run(self._outputs, feed)
         except Exception as error:  # noqa: BLE001  # onnxruntime has some ten classes without a common one
+            if is_want_of_memory(error):
+                raise DetectorError(OUT_OF_MEMORY) from None
             raise DetectorError(f"the model failed ({first_line(error)})") from None
         return {
             name: np.asarray(array, np.float32) if getattr(array, "dtype", None) == np.float16 else np.asarray(array)
@@ -179,6 +188,8 @@ def _opened(path: Path, threads: int, opset: int) -> Any:
                 f"it needs {needed}, onnxruntime {onnxruntime.__version__} knows {known} at most; update it, or "
                 "export with an older opset (Ultralytics: opset=17)"
             ) from None
+        if is_want_of_memory(error):
+            raise DetectorError(OUT_OF_MEMORY) from None
         raise DetectorError(f"not a model that onnxruntime loads ({first_line(error)})") from None
 
 

@@ -1,0 +1,181 @@
+"""Pictures, models, videos and elevation files of strangers: one line with the library's own word, within a limit."""
+
+from __future__ import annotations
+
+import resource
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import onnx
+import pytest
+import rasterio
+from commands import run_command
+from flying import CAMERA
+from onnx import TensorProto, helper
+from rasterio.transform import Affine
+
+from fwav_companion.cli.foreign_files import foreign_files
+from fwav_companion.errors import InputFileError
+from fwav_companion.memory_limit import GIB, LEAST, is_want_of_memory, limit_of
+from fwav_companion.service.elevation_files import read_elevation
+
+CONFIG = """
+[[link]]
+name = "autopilot"
+url = "udpin://127.0.0.1:14999"
+role = "autopilot"
+[camera]
+calibration = "camera.yaml"
+[vision]
+source = "unused.mp4"
+"""
+START = ("--start", "2026-05-01T09:30:00Z")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a configuration for tags and a picture with its stamp."""
+    (tmp_path / "camera.yaml").write_text(CAMERA)
+    (tmp_path / "tag.toml").write_text(CONFIG + 'detector = "apriltag"\n')
+    (tmp_path / "pictures").mkdir()
+    _, encoded = cv2.imencode(".png", np.zeros((480, 640, 3), np.uint8))
+    add_picture(tmp_path / "pictures", encoded.tobytes())
+    return tmp_path
+
+
+def add_picture(folder: Path, content: bytes) -> None:
+    (folder / "a.png").write_bytes(content)
+    (folder / "stamps.jsonl").write_text('{"file": "a.png", "time_unix": 1790000000.0}\n')
+
+
+def large_png(side: int) -> bytes:
+    """A black picture of side x side pixels, a bit each."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    packer, row = zlib.compressobj(9), bytes(1 + (side + 7) // 8)
+    data = b"".join(packer.compress(row) for _ in range(side)) + packer.flush()
+    header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+def model(floats: int | None = None) -> bytes:
+    """A model that returns its input, plus the sum of a constant of so many floats."""
+    nodes, initializers = [helper.make_node("Identity", ["images"], ["output0"])], []
+    if floats is not None:
+        one = helper.make_tensor("one", TensorProto.FLOAT, [1], [1.0])
+        initializers = [helper.make_tensor("shape", TensorProto.INT64, [1], [floats])]
+        nodes = [
+            helper.make_node("ConstantOfShape", ["shape"], ["ones"], value=one),
+            helper.make_node("ReduceSum", ["ones"], ["sum"], keepdims=0),
+            helper.make_node("Add", ["images", "sum"], ["output0"]),
+        ]
+    ports = [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 64])]
+    out = [helper.make_tensor_value_info("output0", TensorProto.FLOAT, None)]
+    graph = helper.make_graph(nodes, "graph", ports, out, initializers)
+    made: bytes = onnx.helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8
+    ).SerializeToString()
+    return made
+
+
+def detected(folder: Path, pictures: str = "pictures", config: str = "tag.toml", *more: str) -> str:
+    """The error's line; "" where there is none."""
+    words = ("detect", pictures, "--config", config, "--out", "d.jsonl", *START, *more)
+    done = run_command(*words, folder=folder)
+    assert done.returncode == (2 if done.stderr else 0)
+    assert len(done.stderr.splitlines()) <= 1, done.stderr
+    return done.stderr.strip()
+
+
+@pytest.mark.parametrize("name", [b"output0", b"images"])
+def test_a_name_of_a_tensor_that_is_not_utf8_is_one_line(folder, name):
+    (folder / "m.onnx").write_bytes(model().replace(name, b"\xff\xfe" + name[2:]))
+    (folder / "m.toml").write_text(CONFIG + 'detector = "onnx"\nmodel = "m.onnx"\nmodel_size = [64, 64]\n')
+    assert "not UTF-8" in detected(folder, config="m.toml")
+
+
+def test_a_constant_beyond_the_limit_of_memory_is_one_line(folder):
+    """As many bytes as a machine may have: 64 GiB."""
+    (folder / "m.onnx").write_bytes(model(floats=16 * GIB))
+    (folder / "m.toml").write_text(CONFIG + 'detector = "onnx"\nmodel = "m.onnx"\nmodel_size = [64, 64]\n')
+    assert "needs more memory" in detected(folder, config="m.toml")
+
+
+def test_a_damaged_video_is_one_line_that_quotes_its_library(folder, capfd):
+    (folder / "v.mp4").write_bytes(b"\0\0\0\x18ftypmp42\0\0\0\0mp42isom" + bytes(300))
+    assert "moov atom not found" in detected(folder, "v.mp4")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_damaged_picture_leaves_no_word_of_its_library_beside_ours(folder, capfd):
+    _, encoded = cv2.imencode(".jpg", np.random.default_rng(1).integers(0, 255, (480, 640, 3), np.uint8))
+    add_picture(folder / "pictures", encoded.tobytes()[:900])
+    detected(folder)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_picture_of_a_gigapixel_is_refused_by_its_header(folder):
+    """In a process of its own: OpenCV reads its limit when it is loaded."""
+    add_picture(folder / "pictures", large_png(30_000))
+    words = ("detect", "pictures", "--config", "tag.toml", "--out", "d.jsonl")
+    command = [sys.executable, "-m", "fwav_companion", *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "fwav-companion: pictures/a.png: more than 200 Mpx; accepted: at most 200 Mpx, more with --large"
+    ]
+
+
+def test_locate_asks_for_the_size_first_and_large_lifts_the_limit(folder):
+    (folder / "a.png").write_bytes(large_png(15_000))
+    refused = run_command("locate", "a.png", "--pixel", "1,1", folder=folder).stderr
+    assert "15000 x 15000 pixels; accepted: at most 200 Mpx, more with --large" in refused
+    assert "no position" in run_command("locate", "a.png", "--pixel", "1,1", "--large", folder=folder).stderr
+
+
+def wasteful(inside: list[int]) -> None:
+    with foreign_files("detect", large=False):
+        inside.append(resource.getrlimit(resource.RLIMIT_DATA)[0])
+        bytearray(64 * GIB)
+
+
+def test_the_limit_of_memory_ends_with_the_command_and_large_has_none():
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    with foreign_files("detect", large=True):
+        assert resource.getrlimit(resource.RLIMIT_DATA) == before
+    inside: list[int] = []
+    with pytest.raises(InputFileError, match=r"detect: out of memory, of which \d\.\d GiB are allowed; .* --large"):
+        wasteful(inside)
+    assert LEAST <= inside[0] <= 4 * GIB
+    assert resource.getrlimit(resource.RLIMIT_DATA) == before
+    assert limit_of(1e-9, GIB) == LEAST
+    assert is_want_of_memory(RuntimeError("std::bad_alloc"))
+    assert not is_want_of_memory(RuntimeError("a wrong shape"))
+
+
+ROOMLESS = {
+    "no operation": ('LOCAL_CS["x",UNIT["metre",1]]', Affine(1, 0, 0, 0, -1, 0), "float32", "not supported"),
+    "no inverse": ("EPSG:32632", Affine(0, 0, 500000, 0, 0, 5000000), "float32", "not supported"),
+    "elsewhere": ("EPSG:32632", Affine(1e30, 0, 5e300, 0, -1e30, 5e300), "float32", "not supported"),
+    "complex": ("EPSG:32632", Affine(10, 0, 500000, 0, -10, 5000000), "complex64", "complex numbers"),
+}
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+@pytest.mark.parametrize("trouble", ROOMLESS)
+def test_a_geotiff_that_gdal_cannot_warp_is_one_line(tmp_path, trouble):
+    crs, transform, kind, word = ROOMLESS[trouble]
+    path = tmp_path / "t.tif"
+    shape = {"width": 8, "height": 8, "count": 1}
+    with rasterio.open(path, "w", driver="GTiff", **shape, dtype=kind, crs=crs, transform=transform) as file:
+        file.write(np.ones((1, 8, 8), kind))
+    with pytest.raises(InputFileError, match=word) as refusal:
+        read_elevation([path])
+    assert len(str(refusal.value).splitlines()) == 1
