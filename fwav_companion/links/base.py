@@ -71,6 +71,10 @@ class Link(Protocol):
     def close(self) -> None:
         """Close the link permanently and at once; no callback follows."""
 
+    @property
+    def source(self) -> str:
+        """Host from which the bytes came that are being passed on; "" where the link has only one peer."""
+
     def status(self) -> LinkReport:
         """State, reason, counters, and the entries of this kind of link."""
 
@@ -78,13 +82,15 @@ class Link(Protocol):
 class Traffic:
     """Counters of one link over all its connections."""
 
-    __slots__ = ("bytes_in", "bytes_out", "dropped")
+    __slots__ = ("bytes_in", "bytes_out", "dropped", "source")
 
     def __init__(self) -> None:
         self.bytes_in = 0
         self.bytes_out = 0
         self.dropped = 0
         """Number of ``send`` calls whose bytes did not leave."""
+        self.source = ""
+        """Host from which the bytes came that are being passed on; "" where a link has only one peer."""
 
 
 class Ear:

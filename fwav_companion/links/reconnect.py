@@ -102,6 +102,11 @@ class StayingConnected:
         self._opener.close()
         self._release()
 
+    @property
+    def source(self) -> str:
+        """Host from which the bytes came that are being passed on; "" where the link has only one peer."""
+        return self._traffic.source
+
     def status(self) -> LinkReport:
         """State, reason, counters, and the entries of the connection."""
         traffic = self._traffic

@@ -196,6 +196,7 @@ class TcpServer:
 
         def heard(data: bytes) -> bool:
             whole = cutter.cut(data)
+            self._ear.traffic.source = host
             valid = bool(whole) and self._ear.heard(whole)
             if valid:
                 self._valid_at[name] = self._loop.time()

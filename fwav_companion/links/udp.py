@@ -195,6 +195,7 @@ class UdpServer(UdpSocket):
 
     def _deliver(self, source: SocketAddress, datagrams: list[bytes]) -> None:
         whole = self._clients.whole_frames(source, b"".join(datagrams))
+        self._ear.traffic.source = source[0]
         if whole and self._ear.heard(whole) and not self._clients.on_valid(source, self._loop.time()):
             self._ear.refused(host_and_port(*source[:2]))
 

@@ -64,7 +64,7 @@ class Dispatcher:
         if len(data) > SMALL_BYTES:
             self._poll_autopilots(link)
         now = self._clock.now()
-        received = self._node.receive(link, data, now)
+        received = self._node.receive(link, data, now, self.links[link].source)
         self._take(received, now)
         return received.subscribes
 

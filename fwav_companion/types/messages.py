@@ -76,6 +76,9 @@ class NoticeCode(StrEnum):
     BYTES_SHED = "bytes_shed"
     """Bytes of a link were skipped unread: examining them would cost too much."""
 
+    RATE_REQUESTS_REJECTED = "rate_requests_rejected"
+    """A station requested message rates more often than twice a second: the others were rejected."""
+
     OVERLOAD = "overload"
     """Frames were dropped that came faster than the processor handles them."""
 

@@ -7,6 +7,7 @@ from mavlink_wire import Wire, dialect
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
 from fwav_companion.mavlink.router.ration import LINK_BURST, MAX_SOURCES, SOURCE_BURST, Ration
+from fwav_companion.types import NoticeCode
 from sitl_mock.codec import Listener
 
 T0 = HostNs(NS_PER_S)
@@ -68,3 +69,24 @@ def test_a_command_beyond_the_ration_is_answered_and_goes_nowhere():
     group = station.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
     assert node.receive("ground", group, T0).forwards == [], "a message is not acknowledged"
     assert node.statistics(T0)[1].stopped == 11
+
+
+def test_one_address_has_one_ration_whatever_ids_it_speaks_with():
+    """Two a second, as a station has, so that the link's six are left to others."""
+    node = Node([LinkPolicy("autopilot", "autopilot"), LinkPolicy("ground", "gcs")], [])
+    node.adopt(1)
+    node.receive("autopilot", Wire(1, 1).heartbeat(), T0)
+
+    def passed(sender: int, source: str) -> bool:
+        station = Wire(sender, 190)
+        node.receive("ground", station.heartbeat(dialect.MAV_TYPE_GCS, 8), T0, source)
+        command = station.frame("COMMAND_LONG", 1, 1, 511, 0, 30, 1e5, 0, 0, 0, 0, 0)
+        return any(link == "autopilot" for link, _ in node.receive("ground", command, T0, source).forwards)
+
+    assert sum(passed(60 + k, "10.0.0.66") for k in range(100)) == SOURCE_BURST
+    assert passed(255, "10.0.0.7")
+    (notice,) = node.notices(T0)
+    assert notice.code is NoticeCode.RATE_REQUESTS_REJECTED
+    assert "60 requests" in notice.text
+    assert "159/190 10.0.0.66" in notice.text
+    assert node.notices(HostNs(T0 + NS_PER_S)) == []

@@ -20,7 +20,7 @@ class _Kind(msgspec.Struct, frozen=True):
     code: NoticeCode
     count: Callable[[Port], int]
     text: str
-    """Text with {count} and {link}."""
+    """Text with {count}, {link} and {sender}."""
     to_ground: bool = True
 
 
@@ -42,6 +42,12 @@ _KINDS: Final = (
         lambda port: port.outdated,
         "{count} frames on link {link!r} are signed more than a minute in the past and were refused: set the sender's"
         " clock; or our signing time is ahead, then set a new key",
+    ),
+    _Kind(
+        NoticeCode.RATE_REQUESTS_REJECTED,
+        lambda port: port.rationed,
+        "{count} requests for message rates on link {link!r} were rejected, the last of {sender}: a station may send"
+        " two a second",
     ),
     _Kind(
         NoticeCode.BYTES_SHED,
@@ -70,5 +76,5 @@ class LinkReports:
             if count == before or (reported_ns is not None and now - reported_ns < REPORT_NS):
                 continue
             self._reported[port.name, kind.code] = (count, now)
-            text = kind.text.format(count=count - before, link=port.name)
+            text = kind.text.format(count=count - before, link=port.name, sender=port.rationed_sender)
             yield Notice(kind.code, Severity.WARNING, text, kind.to_ground)

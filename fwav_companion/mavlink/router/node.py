@@ -135,9 +135,10 @@ class Node:
         self._router.set_up(self._ports[link], False)
         self._settle_ns.pop(link, None)
 
-    def receive(self, link: str, data: bytes, now: HostNs) -> Received:
-        """Take the bytes that arrived on a link."""
+    def receive(self, link: str, data: bytes, now: HostNs, source: str = "") -> Received:
+        """Take the bytes that arrived on a link. ``source``: their host; "" where the link has only one peer."""
         port = self._ports[link]
+        port.source = source
         port.bytes_in += len(data)
         received = self._take(port, port.scanner.feed(data), now)
         if port.scanner.undecided:
@@ -314,8 +315,10 @@ class Node:
             return tuple(out for out in outs if not out.is_autopilot)
         if any(out.is_autopilot for out in outs):
             rationed = request.once is None and port.merges_rate_requests
-            if rationed and not port.ration.takes(request.sender, now):
+            if rationed and not port.ration.takes(port.source or request.sender, now):
                 port.stopped += 1
+                port.rationed += 1
+                port.rationed_sender = f"{request.system}/{request.component} {port.source}".rstrip()
                 received.forwards += self._reject(port, request, now)
                 return ()
             self._router.note(request, now)

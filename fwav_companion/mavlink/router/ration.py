@@ -13,7 +13,7 @@ LINK_PER_S: Final = 6.0
 LINK_BURST: Final = 120.0
 """Three stations that start at once, as their rates together."""
 MAX_SOURCES: Final = 16
-"""Senders remembered on a link; beyond it, the one with the fullest bucket is forgotten, which loses the least."""
+"""Sources remembered on a link; beyond it, the one with the fullest bucket is forgotten, which loses the least."""
 
 
 class _Bucket:
@@ -33,23 +33,23 @@ class _Bucket:
 
 
 class Ration:
-    """Ration of one link, and of each sender on it."""
+    """Ration of one link, and of each source address on it; where a link has only one, of each sender."""
 
     def __init__(self) -> None:
         self._link: _Bucket | None = None
-        self._sources: dict[int, _Bucket] = {}
+        self._sources: dict[str | int, _Bucket] = {}
 
-    def takes(self, sender: int, now: HostNs) -> bool:
-        """Return whether a request of (system << 8 | component) may pass now, and count it if so."""
+    def takes(self, source: str | int, now: HostNs) -> bool:
+        """Whether a request may pass now; it counts if so. ``source``: host, or (system << 8 | component)."""
         if self._link is None:
             self._link = _Bucket(LINK_PER_S, LINK_BURST, now)
-        source = self._sources.get(sender)
-        if source is None:
+        bucket = self._sources.get(source)
+        if bucket is None:
             if len(self._sources) >= MAX_SOURCES:
                 del self._sources[max(self._sources, key=lambda one: self._sources[one].fill(now))]
-            source = self._sources[sender] = _Bucket(SOURCE_PER_S, SOURCE_BURST, now)
-        if source.fill(now) < 1.0 or self._link.fill(now) < 1.0:
+            bucket = self._sources[source] = _Bucket(SOURCE_PER_S, SOURCE_BURST, now)
+        if bucket.fill(now) < 1.0 or self._link.fill(now) < 1.0:
             return False
-        source.left -= 1.0
+        bucket.left -= 1.0
         self._link.left -= 1.0
         return True
