@@ -44,7 +44,8 @@ def with_new(
     """The tracks, and one initiated from each of these fixes for which the track table has room."""
     tracks, next_id = list(before.tracks), before.next_id
     room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
-    yielding = weakest_first(tracks) if len(fixes) > room else []
+    calm = [fix for fix in fixes if fix.sighting.detection.label not in detector.crowd.labels]
+    yielding = weakest_first(tracks, most_coasting=len(calm)) if len(fixes) > room else []
     for i in yielding[: max(0, len(fixes) - room)]:
         tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
     number = min(len(fixes), room + len(yielding))
@@ -92,17 +93,18 @@ def _may_be_of(track: LiveTrack, detection: Detection, ids: IdEvidence) -> bool:
     return track.label == detection.label and not ids.distinguish(track.detector_id, detection.detector_id)
 
 
-def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
+def weakest_first(tracks: Sequence[LiveTrack], *, most_coasting: int) -> list[int]:
     """Indices of the tracks without a fix in this frame that may be deleted for new tracks, in order of deletion.
 
     Tentative tracks come first, by their score; then coasting tracks, the longest unseen first, so that tracks out of
-    view do not keep new targets out.
+    view do not keep new targets out. ``most_coasting``: number of fixes for which they may: a crowd of false detections
+    must not end a known target that it hides.
     """
     lives = {i: track.life for i, track in enumerate(tracks) if track.fix is None}
     tentative = [i for i, life in lives.items() if life.state is TrackState.TENTATIVE]
     coasting = [i for i, life in lives.items() if life.state is TrackState.COASTING]
     tentative.sort(key=lambda i: (lives[i].log_likelihood_ratio, lives[i].last_seen_ns))
-    return tentative + sorted(coasting, key=lambda i: lives[i].last_seen_ns)
+    return tentative + sorted(coasting, key=lambda i: lives[i].last_seen_ns)[:most_coasting]
 
 
 def unused_fixes(tracks: Sequence[LiveTrack], begun: Begun) -> dict[Reason, int]:

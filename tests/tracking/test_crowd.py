@@ -92,11 +92,14 @@ def test_the_onset_of_a_crowd_confirms_no_ghost_and_the_known_target_stays(motio
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("false", "fps", "motion"), [(255, 6.0, "static"), (60, 15.0, "static"), (20, 15.0, "moving")])
-def test_a_minute_of_a_crowd_confirms_no_ghost_and_the_claim_holds(false, fps, motion):
-    outcome = flown(false, CALM_S + 60.0, fps, seed=3, motion=motion)
+@pytest.mark.parametrize(
+    ("false", "seconds", "fps", "motion"),
+    [(255, 60.0, 6.0, "static"), (60, 20.0, 10.0, "static"), (20, 20.0, 10.0, "moving")],
+)
+def test_a_crowd_that_stays_confirms_no_ghost_and_the_claim_holds(false, seconds, fps, motion):
+    outcome = flown(false, CALM_S + seconds, fps, seed=3, motion=motion)
     assert outcome.confirmed == {1}
-    assert len(outcome.squares) >= 58 * fps
+    assert len(outcome.squares) >= 0.97 * seconds * fps
     assert outcome.fixes >= 0.4 * len(outcome.squares)
     assert np.mean(np.array(outcome.squares) < chi2(2).ppf(0.95)) >= 0.93
 
