@@ -99,9 +99,10 @@ class Daemon:
             json.loads(encode_line(line), parse_constant=_no_constant)
 
     def fly(self, ms: int = 1500) -> None:
-        """Hear an autopilot that hovers 20 m above its home."""
-        for step in range(ms // 20):
-            boot_ms = 5000 + 20 * step
+        """Hear an autopilot that hovers 20 m above its home, since 5 s before the start."""
+        for _ in range(ms // 20):
+            boot_ms = 5000 + (self.now - START) // NS_PER_MS
+            step = (boot_ms - 5000) // 20
             attitude = struct.pack("<I6f", boot_ms, 0.01, -0.02, 0.3, 0.0, 0.0, 0.0)
             data = framed(30, 39, attitude, sender=(1, 1), seq=3 * step)
             if step % 10 == 0:
