@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Callable
 
 from fwav_companion.fleet.bus import BusPlace, FleetBus
 from fwav_companion.ground.fleet_picture import FleetPicture
 from fwav_companion.ground.picture import GroundPicture
+
+PAUSE_S = 0.008
+"""Pause between two turns of a step, seconds: as long as a turn, so that a step takes half of one processor."""
 
 
 class FleetInput:
@@ -16,6 +20,7 @@ class FleetInput:
     def __init__(self, place: BusPlace, picture: GroundPicture, *, clock: Callable[[], float]) -> None:
         self._picture, self._clock = picture, clock
         self._name = f"fleet {place.name}"
+        self._goes_on: asyncio.TimerHandle | None = None
         self._fleet = FleetPicture(picture, time.thread_time)
         self._bus = FleetBus(place, self._on_state)
         self._bus.subscribe(self._on_message, self._on_alive)
@@ -26,13 +31,22 @@ class FleetInput:
         self._bus.start()
 
     def tick(self, now: float) -> None:
-        """Fuse, and publish the result."""
+        """Fuse, and publish the result. A step that is not done goes on after a pause, in which the page is served."""
+        if self._goes_on is None:
+            self._step(now)
+
+    def _step(self, now: float) -> None:
+        self._goes_on = None
         parts = self._fleet.step(now)
         if parts is not None:
             self._bus.publish("fused", parts)
+        if self._fleet.is_stepping:
+            self._goes_on = asyncio.get_running_loop().call_later(PAUSE_S, lambda: self._step(self._clock()))
 
     def close(self) -> None:
         """Leave the bus."""
+        if self._goes_on is not None:
+            self._goes_on.cancel()
         self._bus.close()
 
     def _on_message(self, vehicle: str, kind: str, data: bytes) -> None:

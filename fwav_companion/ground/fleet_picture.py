@@ -19,8 +19,8 @@ from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, Reported
 from fwav_companion.ground.picture import GroundPicture, readiness_fields, targets_of
 from fwav_companion.ground.views import TargetView
 
-TURN_S = 0.02
-"""CPU time of a turn, seconds, after which a step waits for the next call."""
+TURN_S = 0.008
+"""CPU time of a turn, seconds, after which a step waits for the next call: with the slice that is begun then, 20 ms."""
 STEP_S = 0.5
 USED_BIASES = {"position_north": 0, "position_east": 1, "heading": 2}
 """Columns of the fusion by the name of a bias; the effects of all other biases count as noise."""
@@ -83,6 +83,11 @@ class FleetPicture:
             self._picture.say(vehicle, text, now, severity=WARNING if warning else NOTICE)
         self._show(now)
         return self._message(now)
+
+    @property
+    def is_stepping(self) -> bool:
+        """Whether a step is not done."""
+        return self._running is not None
 
     def _on_state(self, vehicle: str, data: bytes, now: float) -> None:
         received = self._intake.on_state(vehicle, data, now)

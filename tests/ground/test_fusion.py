@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
+from collections.abc import Generator
+from types import GeneratorType
 
 import numpy as np
 import pytest
 from draws import first_of
 from simulated_fleet import START, STEP_S, FleetOptions, SimulatedFleet
 
-from fwav_companion.ground.fusion.bias_solution import intersection_weights, solve
+from fwav_companion.ground.fusion.association import SHARE
+from fwav_companion.ground.fusion.bias_solution import finished, intersection_weights, solution_slices
 from fwav_companion.ground.fusion.fleet_fusion import FRESH_S, MAX_TRACKS, MOST_NEW_TRACKS, FleetFusion
 from fwav_companion.ground.fusion.registration import registered
 from fwav_companion.ground.fusion.reported_tracks import ReportedTrack
@@ -148,7 +152,9 @@ def test_the_joint_solution_is_the_whole_system_s():
     tracks = [track(at, draw.normal(0.0, 5.0, 2), jacobian=draw.normal(0.0, 1.0, (2, 3))) for at in range(8)]
     positions = np.array([each.position for each in tracks])
     sigmas = draw.uniform(0.5, 2.0, (3, 3))
-    solution = solve(tracks, positions, vehicles=vehicles, targets=targets, sigmas=sigmas, target_count=4)
+    solution = finished(
+        solution_slices(tracks, positions, vehicles=vehicles, targets=targets, sigmas=sigmas, target_count=4)
+    )
     rows, right, weights = [], [], []
     for at, each in enumerate(tracks):
         row = np.zeros((2, 17))
@@ -171,13 +177,15 @@ def test_what_is_shared_by_all_remains_and_noise_averages():
     """K tracks with the same shared part C and noise N: C + N / K."""
     shared = np.diag([0.25, 0.5])
     tracks = [track(1, (0.0, 0.0), vehicle=str(at), shared=shared, jacobian=np.zeros((2, 3))) for at in range(4)]
-    solution = solve(
-        tracks,
-        np.zeros((4, 2)),
-        vehicles=np.arange(4),
-        targets=np.zeros(4, int),
-        sigmas=np.ones((4, 3)),
-        target_count=1,
+    solution = finished(
+        solution_slices(
+            tracks,
+            np.zeros((4, 2)),
+            vehicles=np.arange(4),
+            targets=np.zeros(4, int),
+            sigmas=np.ones((4, 3)),
+            target_count=1,
+        )
     )
     assert solution.target_covs[0] == pytest.approx(shared + (0.04 + 1e-4) / 4 * np.eye(2), abs=1e-9)
     weights = intersection_weights(np.array([np.eye(2), 3.0 * np.eye(2)]), np.array([0, 0]), 1)
@@ -290,3 +298,28 @@ def test_overload_leaves_the_oldest_reports_for_a_later_step_and_says_so_once():
     fusion.step(now + STEP_S)
     assert {member for target in fusion.targets for member in target.members} == set(map(str, range(vehicles)))
     assert fusion.take_report().texts == []
+
+
+def test_a_step_pauses_after_each_share_of_a_crowded_fleet():
+    """Forty vehicles with 64 coincident tracks: each stage of a step that grows with the tracks is divided."""
+    fleet, draw = FleetFusion(), np.random.default_rng(4)
+    places = draw.uniform(-20.0, 20.0, (64, 2))
+    for k in range(3):
+        now = START + k * STEP_S
+        for vehicle in range(40):
+            tracks = [track(at, place, vehicle=f"v{vehicle}") for at, place in enumerate(places)]
+            fleet.on_tracks(f"v{vehicle}", tracks, np.array([1.0, 1.0, 0.01]), now)
+        stages: Counter[str] = Counter()
+        slices = fleet.slices(now)
+        for _ in slices:
+            stages[stage_of(slices)] += 1
+    assert stages["release"] == 2 * MOST_NEW_TRACKS // SHARE, "two steps have associated as many as they may"
+    assert stages["solution_slices"] >= 10
+    assert stages["_associate"] == 40
+
+
+def stage_of(slices: Generator[None]) -> str:
+    """Name of the innermost generator that paused."""
+    while isinstance(slices.gi_yieldfrom, GeneratorType):
+        slices = slices.gi_yieldfrom
+    return slices.gi_code.co_name

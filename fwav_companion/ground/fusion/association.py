@@ -30,14 +30,21 @@ SPARE = 8
 nearest ones."""
 NEIGHBOURS = 16
 """Nearest targets with which a target may be merged."""
+SHARE = 128
+"""Tracks, or targets, after which work in a loop pauses: some milliseconds."""
 PATTERN = 2
 """Least number of tracks without a target for which a vehicle is registered as a pattern."""
 TOLERANCE_SIGMAS = 3.0
 
 
-def release(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> None:
-    """Remove from the targets the tracks that have ended, or that have disagreed for RELEASE_STEPS."""
-    for key, target_id in list(books.of_track.items()):
+def release(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> Generator[None]:
+    """Remove from the targets the tracks that have ended, or that have disagreed for RELEASE_STEPS.
+
+    It pauses after each SHARE of tracks.
+    """
+    for number, (key, target_id) in enumerate(list(books.of_track.items())):
+        if number % SHARE == SHARE - 1:
+            yield
         vehicle = vehicles.get(key[0])
         track = None if vehicle is None else vehicle.tracks.get(key[1])
         if vehicle is None or track is None:
@@ -89,23 +96,25 @@ def associate(
 def merge_targets(books: TargetBooks) -> Generator[None]:
     """Merge targets with one label and without a common vehicle that are each other's nearest within the gate.
 
-    It pauses after each label.
+    It pauses after each SHARE of targets.
     """
     index = PlaceIndex(books.targets.values())
     nearest: dict[int, int] = {}
     for label in dict.fromkeys(target.label for target in books.targets.values()):
-        own = [target for target in books.targets.values() if target.label == label]
-        positions, covs = np.array([each.position for each in own]), np.array([each.cov for each in own])
-        rows, others = index.near(label, positions, most=NEIGHBOURS + 1)
-        apart = nis(
-            positions[rows] - np.array([each.position for each in others]).reshape(-1, 2),
-            covs[rows] + np.array([each.cov for each in others]).reshape(-1, 2, 2),
-        )
-        for pair in np.flatnonzero(apart < MERGE_GATE)[np.argsort(apart[apart < MERGE_GATE], kind="stable")]:
-            target, other = own[rows[pair]], others[int(pair)]
-            if other is not target and target.members.keys().isdisjoint(other.members):
-                nearest.setdefault(target.id, other.id)
-        yield
+        of_label = [target for target in books.targets.values() if target.label == label]
+        for first in range(0, len(of_label), SHARE):
+            own = of_label[first : first + SHARE]
+            positions, covs = np.array([each.position for each in own]), np.array([each.cov for each in own])
+            rows, others = index.near(label, positions, most=NEIGHBOURS + 1)
+            apart = nis(
+                positions[rows] - np.array([each.position for each in others]).reshape(-1, 2),
+                covs[rows] + np.array([each.cov for each in others]).reshape(-1, 2, 2),
+            )
+            for pair in np.flatnonzero(apart < MERGE_GATE)[np.argsort(apart[apart < MERGE_GATE], kind="stable")]:
+                target, other = own[rows[pair]], others[int(pair)]
+                if other is not target and target.members.keys().isdisjoint(other.members):
+                    nearest.setdefault(target.id, other.id)
+            yield
     for target_id, other_id in nearest.items():
         kept, gone = books.targets.get(target_id), books.targets.get(other_id)
         if kept is None or gone is None or nearest.get(other_id) != target_id or kept.id > gone.id:

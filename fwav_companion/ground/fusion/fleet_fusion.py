@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fwav_companion.ground.fusion import association
-from fwav_companion.ground.fusion.bias_solution import SMALLEST_SIGMA, solve
+from fwav_companion.ground.fusion.bias_solution import SMALLEST_SIGMA, solution_slices
 from fwav_companion.ground.fusion.consistency import RIGHT, WRONG, VehicleShift, shift_of, wrong_by_biases
 from fwav_companion.ground.fusion.fused_targets import FusedTarget, TargetBooks
 from fwav_companion.ground.fusion.place_index import PlaceIndex
@@ -113,11 +113,12 @@ class FleetFusion:
         for name in [each.name for each in self.vehicles.values() if now > each.heard_unix + FRESH_S]:
             self._forget(name)
         counting = {name: vehicle for name, vehicle in self.vehicles.items() if name not in self.left_out}
-        association.release(self._books, counting, now)
+        yield from association.release(self._books, counting, now)
+        yield
         index = PlaceIndex(self._books.targets.values())
         yield
         yield from self._associate(counting, index, now)
-        self._solve(counting, now)
+        yield from self._solve(counting, now)
         yield
         yield from association.merge_targets(self._books)
         if now >= self._rebuilt_unix + REBUILD_S and not self._overloaded:
@@ -142,7 +143,7 @@ class FleetFusion:
             self._report.texts.append((min(behind), text, True))
         self._overloaded = bool(behind)
 
-    def _solve(self, counting: dict[str, ReportingVehicle], now: float) -> None:
+    def _solve(self, counting: dict[str, ReportingVehicle], now: float) -> Generator[None]:
         """Solve for the positions of all targets, and for the biases of all vehicles with a common target."""
         books = self._books
         keys = [key for key in books.of_track if key[0] in counting]
@@ -152,9 +153,11 @@ class FleetFusion:
         order = {target_id: index for index, target_id in enumerate(books.targets)}
         tracks = [counting[name].tracks[track] for name, track in keys]
         # Differences from the middle keep the digits: a plane may reach over hundreds of kilometres.
+        yield
         positions = np.array([track.at(now) for track in tracks])
         middle = positions.mean(axis=0)
-        solution = solve(
+        yield
+        solution = yield from solution_slices(
             tracks,
             positions - middle,
             vehicles=np.array([names[name] for name, _ in keys]),
@@ -165,6 +168,8 @@ class FleetFusion:
         for name, index in names.items():
             counting[name].bias, counting[name].bias_cov = solution.biases[index], solution.bias_covs[index]
         for target_id, index in order.items():
+            if index % association.SHARE == 0:
+                yield
             target = books.targets[target_id]
             target.position, target.cov = solution.targets[index] + middle, solution.target_covs[index]
             _fuse_heights(target, [counting[name].tracks[track] for name, track in target.members.items()])

@@ -10,7 +10,7 @@ from collections.abc import Generator, Mapping
 
 import numpy as np
 
-from fwav_companion.ground.fusion.association import associate
+from fwav_companion.ground.fusion.association import SHARE, associate
 from fwav_companion.ground.fusion.fused_targets import TargetBooks
 from fwav_companion.ground.fusion.place_index import PlaceIndex, nis
 from fwav_companion.ground.fusion.reported_tracks import ReportingVehicle
@@ -26,23 +26,31 @@ def improved(
 ) -> Generator[None, None, TargetBooks | None]:
     """The rebuilt association with the present ids; None if the present association is as good.
 
-    It pauses after each vehicle.
+    It pauses after each vehicle, and while it compares.
     """
     rebuilt = TargetBooks()
     index = PlaceIndex(())
     for vehicle in sorted(vehicles.values(), key=lambda each: (-len(each.tracks), each.name)):
         associate(rebuilt, vehicle, index, now)
         yield
-    if _cost(rebuilt, vehicles, now) > _cost(books, vehicles, now) - BETTER:
+    cost = yield from _cost(rebuilt, vehicles, now)
+    if cost > (yield from _cost(books, vehicles, now)) - BETTER:
         return None
     return books.renamed(rebuilt)
 
 
-def _cost(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> float:
-    """Cost of an association: the misfit of the tracks with their targets, and a cost for every target."""
-    cost = 0.0
+def _cost(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: float) -> Generator[None, None, float]:
+    """Cost of an association: the misfit of the tracks with their targets, and a cost for every target.
+
+    It pauses after each SHARE of tracks.
+    """
+    cost, tracks_since = 0.0, 0
     for target in books.targets.values():
         cost += TARGET_COST
+        tracks_since += len(target.members)
+        if tracks_since >= SHARE:
+            tracks_since = 0
+            yield
         tracks = [(vehicles[name], number) for name, number in target.members.items() if name in vehicles]
         known = [(vehicle, vehicle.tracks[number]) for vehicle, number in tracks if number in vehicle.tracks]
         places = np.array([vehicle.corrected(track, now) for vehicle, track in known])
