@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from vision_pictures import pipe_bytes, tag_picture
@@ -22,7 +23,7 @@ from fwav_companion.types.status import VisionReport
 from fwav_companion.vision import supervisor
 from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
 from fwav_companion.vision.supervisor import VisionProcess
-from fwav_companion.vision.task import VisionTask
+from fwav_companion.vision.task import VisionOrders, VisionState, VisionTask
 from fwav_companion.vision.wall_clock import WallClock
 
 
@@ -280,3 +281,26 @@ def test_passwords_are_neither_on_the_command_line_nor_in_what_the_process_repor
     assert "fwav_companion.vision.worker" in line
     assert [text for text in ("p4ssw0rd", "t0ken", "rtsp") if text in line] == []
     assert "p4ssw0rd" not in why
+
+
+def test_want_of_memory_is_one_state_and_no_trace():
+    """A process whose detector finds no memory: it says so and ends, for the daemon to start another."""
+    code = (
+        "import resource, sys; from fwav_companion.vision import worker\n"
+        "def watch(self):\n"
+        "    assert resource.getrlimit(resource.RLIMIT_DATA)[0] <= worker.MOST_MEMORY\n"
+        "    raise MemoryError\n"
+        "worker.Watch.watch = watch\n"
+        "worker.main()"
+    )
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        ours.settimeout(30.0)
+        ours.send(msgspec.json.encode(VisionOrders(VisionTask("unused"), 0)))
+        command = [sys.executable, "-c", code, str(theirs.fileno())]
+        with subprocess.Popen(command, pass_fds=[theirs.fileno()], stderr=subprocess.PIPE) as process:
+            state = msgspec.json.decode(ours.recv(65536), type=VisionState)
+            _, trace = process.communicate(timeout=30)
+    assert (state.vision, state.why) == ("lost", "out of memory: a smaller picture or model is needed")
+    assert process.returncode == 12
+    assert trace == b""
