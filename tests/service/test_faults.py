@@ -87,3 +87,17 @@ def test_a_restart_of_tracking_replaces_the_vision_process(service: Service, mon
     notice = Notice(NoticeCode.STARTED_ANEW, Severity.ERROR, "tracking starts anew", to_ground=True)
     service._dispatcher.report([notice], NOW)
     assert restarts == ["vision"]
+
+
+def test_a_fault_that_every_message_repeats_is_one_line_a_second(
+    service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    now_s = 100.0
+    monkeypatch.setattr("fwav_companion.service.log.time.monotonic", lambda: now_s)
+    for step in range(30):
+        now_s = 100.0 + step / 10
+        service._parts.log.faulted({"message": "again", "exception": ZeroDivisionError()})
+    assert [record.getMessage().split(":")[0] for record in caplog.records] == [
+        "internal fault 1", "internal fault 11", "internal fault 21"
+    ]  # fmt: skip
+    assert service._parts.log.faults == 30
