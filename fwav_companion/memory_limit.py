@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 GIB = 1 << 30
-LEAST = GIB // 2
-"""Least limit, bytes: libraries, and the stacks of their threads, need half of it."""
+LEAST = GIB
+"""Least limit, bytes: onnxruntime, OpenCV and numpy reserve 265 MiB before they load a model, most of it untouched."""
 OPENCV_NO_MEMORY = -4
 """OpenCV's code of an error for want of memory, StsNoMem."""
 WORDS = ("bad_alloc", "bad allocation", "allocate memory")
