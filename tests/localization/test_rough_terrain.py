@@ -75,7 +75,7 @@ def test_rays_onto_rough_ground_are_answered_and_honest(down_deg):
 
 @pytest.mark.slow
 def test_edges_of_a_rough_surface_are_rarely_missed_and_rarely_refused_needlessly():
-    """Of 120 rays 3 and 2; five rays in place of the whole walk along the ground missed 13, and refused 7 needlessly."""
+    """Of 120 rays 3 and 2; five rays instead of the whole walk along the ground missed 13, and refused 7 needlessly."""
     counts = [judged_rays(7, 60, down_deg) for down_deg in (30.0, 40.0)]
     assert sum(each["answered"] + each["refused"] for each in counts) == 120
     assert sum(each["missed"] for each in counts) <= 7

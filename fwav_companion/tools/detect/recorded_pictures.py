@@ -7,7 +7,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-import cv2
 import msgspec
 
 from fwav_companion.errors import InputFileError
