@@ -73,7 +73,7 @@ def _embedded(path: Path, scale: TimeScale) -> VideoTelemetry:
     if found.rows:
         return VideoTelemetry(found.rows, "the video's own track", found.notes)
     tracks = "" if not found.unread else f' (track "{found.unread[0]}")'
-    needs = "" if is_installed("av") else " (its tracks need the extra stream: pip install 'fwav-companion[stream]')"
+    needs = "" if is_installed("av") else " (its tracks need the extra stream: pip install '.[stream]')"
     raise InputFileError(
         f"{path}: no {path.stem}.SRT, .ASS or .csv of Airdata or Litchi beside it, no KLV, Parrot or Autel track in it"
         f"{needs}; what DJI embeds{tracks} exiftool -ee gives as text"

@@ -203,10 +203,11 @@ def _tracker(
     config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *, smooths: bool
 ) -> Tracker:
     """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects."""
-    options, priors = tracking_options(config), config.priors
+    priors = config.priors
     if own_filter is not None:
         self_calibration = config.tracking.self_calibration
         return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
+    options = tracking_options(config)
     landmarks = [landmark.known for landmark in config.landmark]
     if smooths and isinstance(vehicle, Telemetry) and _is_smoothed(config):
         lever_m = config.camera.mount.lever_arm_m

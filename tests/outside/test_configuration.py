@@ -15,8 +15,8 @@ from msgspec import inspect
 from fwav_companion.__main__ import main
 from fwav_companion.config import Config
 
-OURS = {"file"}
-"""Fields of the typed value that are not keys: the path of the file itself."""
+OURS = {"file", "stated_sigmas"}
+"""Fields of the typed value that are not keys: the path of the file itself, and which of its keys have numbers."""
 
 
 def limits(kind: Any) -> str:

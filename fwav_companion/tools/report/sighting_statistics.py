@@ -21,7 +21,7 @@ PATH_GAP_S = 1.0
 FRAME_REASONS = frozenset({
     Reason.MALFORMED, Reason.NO_TIME, Reason.NO_MONOTONIC_MAP, Reason.WRONG_UNITS, Reason.WRONG_SIZE,
     Reason.FROM_THE_FUTURE, Reason.ACROSS_CLOCK_STEP, Reason.TOO_MANY_DETECTIONS, Reason.TOO_MANY_FRAMES,
-    Reason.OVERLOAD, Reason.TOO_LATE, Reason.DUPLICATE_FRAME, Reason.NO_CLOCK,
+    Reason.OVERLOAD, Reason.TOO_LATE, Reason.DUPLICATE_FRAME, Reason.NO_CLOCK, Reason.INTERNAL_FAULT,
 })  # fmt: skip
 """Reasons that refuse a whole frame."""
 

@@ -28,6 +28,7 @@ REASONS = {
     "too_many_detections": "The frame has more than 256 detections.",
     "too_many_frames": "More frames were waiting than half a second of any camera holds.",
     "overload": "Frames came faster than the board handles them, and newer ones were taken.",
+    "internal_fault": "An error of the service dropped the frame.",
     "too_late": "The frame arrived more than half a second after its capture.",
     "duplicate_frame": "The same frame arrived twice.",
     "low_score": "The detector's score is below the configured minimum.",
