@@ -31,7 +31,7 @@ from fwav_companion.tools.study.flight_draw import (
     USUAL_POSITION_M,
     WANDER_TIMES_S,
 )
-from fwav_companion.tools.study.flight_record import FlightRecord
+from fwav_companion.tools.study.flight_record import FLOWN, FlightRecord
 from fwav_companion.tools.study.keys import Value
 from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.record_file import Environment
@@ -258,7 +258,8 @@ def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environmen
     own = [record for record in records if record.arm == CONFIGURED]
     spans = [
         row([FLOWN_WORDS[name], _span([record.flown[name] for record in own])])
-        for name in (own[0].flown if own else ())
+        for name in FLOWN  # records of a file have another order than those just flown
+        if own and name in own[0].flown
     ]
     settings = [row([key_, value]) for key_, value in plan.settings]
     lens = "" if plan.lens.exact else " The lens counts by its radially symmetric part."

@@ -11,6 +11,7 @@ from study_plans import InlineWorkers, fly, make_plan
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.error_statistics import CHI2_999
+from fwav_companion.tools.study.conclusions import answer_of
 from fwav_companion.tools.study.engine import earlier_records
 from fwav_companion.tools.study.flight_draw import draw_flight
 from fwav_companion.tools.study.flight_record import POINTS, FlightRecord
@@ -24,6 +25,7 @@ from fwav_companion.tools.study.record_file import (
     write_records,
 )
 from fwav_companion.tools.study.study_flight import record_of
+from fwav_companion.tools.study.study_page import study_page
 
 PLAN = make_plan(
     variations=(parse_variation("flight.height_m=10:20"), parse_variation("tracking.filter=kalman,lowpass"))
@@ -91,6 +93,17 @@ def test_the_file_has_no_host_and_no_time(tmp_path):
     assert set(schema.metadata) == {b"fwav.plan", b"fwav.processors", b"fwav.wheels"}
     assert json.loads(schema.metadata[b"fwav.wheels"]) == {"numpy": "2"}
     assert not [name for name in schema.names if "hostname" in name or "unix" in name or "address" in name]
+
+
+def test_report_of_a_studys_file_is_that_of_the_study_itself(flown, tmp_path):
+    plan, drawn, flight = flown
+    records = [record_of(drawn, plan, flight)]
+    write_records(tmp_path / FILE, records, plan, InlineWorkers.environment)
+    pages = [
+        study_page(plan, each, answer_of(plan, each), InlineWorkers.environment)
+        for each in (records, read_records(tmp_path / FILE)[0])
+    ]
+    assert pages[0] == pages[1]
 
 
 def test_a_file_that_is_none_is_one_line(tmp_path):
