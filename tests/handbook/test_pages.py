@@ -72,6 +72,22 @@ def test_every_command_is_of_the_readme_or_marked_as_needing_hardware(page):
                     assert any(known.split(" takes")[0] == f"{after[0]} {option}" for known in commands), line
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_page_with_commands_names_their_environment(page):
+    """A board has the command in its path, and its configuration in /etc."""
+    if page.parent.name in {"reference", "develop"}:
+        return
+    bare = [
+        line
+        for _, text in blocks(page, "sh")
+        for line in text.splitlines()
+        if re.match(r"(fwav-companion|sitl-mock|python|pip) ", line) and "/etc/fwav-companion" not in line
+    ]
+    words = page.read_text(encoding="utf-8")
+    assert not bare or "index.md#environments" in words or ". .venv/bin/activate" in words, bare
+    assert not re.search(r"(?<!bin/)pip install '", words), "of which environment"
+
+
 def test_every_key_in_an_example_exists():
     known = {line.split(":")[0] for line in names("configuration.txt")}
     shown = 0
