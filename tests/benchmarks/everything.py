@@ -31,6 +31,7 @@ BENCHMARKS = (
     "study",
     "export",
     "locate",
+    "fusion",
 )
 """Modules of this package, each with ``measure() -> list[Figure]``."""
 
