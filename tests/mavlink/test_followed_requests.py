@@ -49,6 +49,17 @@ def test_a_station_that_asks_for_more_gets_more_and_its_end_is_no_fall():
     assert not [notice for notice in them.rates.notices() if "fell" in notice.text]
 
 
+def test_rate_that_falls_after_a_merged_request_names_the_station_that_sent_it():
+    """Each request may begin an interval again; that no station was seen would be false."""
+    them = merging().start().run(20)
+    asked = request({HUD: 2.0})
+    follow(them, asked)
+    them.gcs_requests_streams()
+    them.run(8)
+    assert status(them, "ATTITUDE_QUATERNION").undone_by == asked.requester
+    assert any(f"undone by: {asked.requester}" in notice.text for notice in them.rates.notices())
+
+
 def test_a_rate_that_we_ask_for_again_does_not_lower_a_stations():
     """After a reboot the station requests its 25 Hz before we do."""
     them = merging().start().run(20)

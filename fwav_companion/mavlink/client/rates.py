@@ -170,6 +170,7 @@ class Rates:
         for request in requests:
             if request.reaches(autopilot.system, autopilot.component):
                 self._name(request)
+                self._competitors.saw(request.requester, now)
                 self._loop.note_request(autopilot, request)
                 kept = {} if self._loop.is_learning else self._kept_hz()
                 what = follow_up(request, kept, demanded, heeds_groups=heeds_group_requests(autopilot))
