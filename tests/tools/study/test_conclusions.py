@@ -8,7 +8,14 @@ from study_plans import CONFIG, InlineWorkers, make_plan
 
 from fwav_companion.tools.study.answer_text import lines, sentence
 from fwav_companion.tools.study.conclusions import answer_of
-from fwav_companion.tools.study.distributions import binned, paired_median, quantile_interval, share_of
+from fwav_companion.tools.study.distributions import (
+    RESAMPLES,
+    binned,
+    bootstrap,
+    paired_median,
+    quantile_interval,
+    share_of,
+)
 from fwav_companion.tools.study.flight_ranking import confirming_tasks, ranked_causes
 from fwav_companion.tools.study.flight_record import FLOWN, POINTS, FlightRecord
 from fwav_companion.tools.study.keys import parse_variation
@@ -54,6 +61,21 @@ def test_claims_are_judged_from_both_sides(claimed, verdict):
     by_level = {claim.level: claim for claim in claims}
     assert by_level[0.5].verdict == by_level[0.9].verdict == verdict
     assert sum(claim.n for claim in claims) == 4 * FLIGHTS
+
+
+def test_bootstrap_of_many_flights_holds_a_part_of_the_resamples_at_a_time():
+    """All resamples of 10 000 flights at once take 80 MB, and as much again for their indices."""
+    sample, sizes = np.random.default_rng(3).normal(0.0, 1.0, 10_001), []
+
+    def median(drawn):
+        sizes.append(drawn.size)
+        return np.median(drawn, axis=-1)
+
+    found = bootstrap(sample, median)
+    assert max(sizes) <= 1_000_000
+    every = sample[np.random.default_rng(0).integers(0, len(sample), (RESAMPLES, len(sample)))]
+    low, high = np.quantile(np.median(every, axis=-1), (0.025, 0.975))
+    assert (found.value, found.low, found.high) == (np.median(sample), low, high)
 
 
 def test_a_bootstrap_interval_covers_the_median_as_often_as_it_says():
