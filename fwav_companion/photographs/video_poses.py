@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import cos, degrees, hypot, radians
+from math import cos, degrees, hypot, radians, remainder
 from typing import Final
 
 from fwav_companion.geometry.rotations import (
@@ -77,7 +77,7 @@ def pose_at(
     )
     return PicturePose(
         lat_deg=_known(before.lat_deg) + part * (_known(after.lat_deg) - _known(before.lat_deg)),
-        lon_deg=_known(before.lon_deg) + part * (_known(after.lon_deg) - _known(before.lon_deg)),
+        lon_deg=remainder(_known(before.lon_deg) + part * _eastward_deg(before, after), 360.0),
         roll_deg=given[0],
         pitch_deg=given[1],
         yaw_deg=given[2],
@@ -115,11 +115,16 @@ def _interval_s(rows: Sequence[TelemetryRow]) -> float:
     return (rows[-1].at_s - rows[0].at_s) / (len(rows) - 1) if len(rows) > 1 else 1.0
 
 
+def _eastward_deg(before: TelemetryRow, after: TelemetryRow) -> float:
+    """The longitude's change, also across the antimeridian."""
+    return remainder(_known(after.lon_deg) - _known(before.lon_deg), 360.0)
+
+
 def _way_ned(before: TelemetryRow, after: TelemetryRow) -> Vector3:
     """From one row's place to the next one's, metres."""
     lat = _known(before.lat_deg)
     north = (_known(after.lat_deg) - lat) * METRES_PER_DEGREE
-    east = (_known(after.lon_deg) - _known(before.lon_deg)) * METRES_PER_DEGREE * cos(radians(lat))
+    east = _eastward_deg(before, after) * METRES_PER_DEGREE * cos(radians(lat))
     above = before.above_takeoff_m, after.above_takeoff_m
     lower, upper = above if None not in above else (before.absolute_m, after.absolute_m)
     return (north, east, 0.0 if lower is None or upper is None else lower - upper)

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from processes import Process, free_port
 
@@ -23,11 +25,12 @@ WIDTHS = (1300, 400)
 class LocatePage:
     """The open page."""
 
-    def __init__(self, browser: Any, folder: Path) -> None:
-        self.browser, self.folder, self.port = browser, folder, free_port()
-        self.process = Process(
-            "fwav_companion", "locate", str(folder), "--http", f"127.0.0.1:{self.port}", folder=folder
-        )
+    def __init__(self, browser: Any, shown: Path) -> None:
+        """``shown``: a folder of pictures, or a video."""
+        self.browser, self.port = browser, free_port()
+        folder = shown if shown.is_dir() else shown.parent
+        words = ("locate", str(shown), "--http", f"127.0.0.1:{self.port}")
+        self.process = Process("fwav_companion", *words, folder=folder)
         self.process.wait_for("pictures and map: http")
 
     def open(self, width: int = 1300) -> None:
@@ -45,6 +48,12 @@ class LocatePage:
             assert time.monotonic() < deadline, f"{script} did not become true"
             time.sleep(0.05)
         return value
+
+    def close(self) -> None:
+        """Leave the page and end its server."""
+        self.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.browser.get("about:blank")
+        self.process.kill()
 
     def click_pixel(self, u: float, v: float) -> None:
         """Click with the mouse where the page shows this pixel."""
@@ -64,9 +73,27 @@ def page(browser: Any, tmp_path: Path) -> Iterator[tuple[LocatePage, list]]:
     browser.get_log("browser")
     opened = LocatePage(browser, tmp_path)
     yield opened, pictures
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-    browser.get("about:blank")
-    opened.process.kill()
+    opened.close()
+
+
+@pytest.fixture
+def video_page(browser: Any, tmp_path: Path) -> Iterator[LocatePage]:
+    """Three seconds of a gimbal that looks 60 degrees down from 40 m; the drone flies 11 m/s to the north."""
+    writer = cv2.VideoWriter(str(tmp_path / "DJI_0001.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (160, 90))
+    for brightness in range(30):
+        writer.write(np.full((90, 160, 3), 8 * brightness, np.uint8))
+    writer.release()
+    (tmp_path / "DJI_0001.SRT").write_text(
+        "".join(
+            f"{at + 1}\n00:00:0{at},000 --> 00:00:0{at + 1},000\n[latitude: {47.0 + 1e-4 * at:.6f}] [longitude: 11.0] "
+            "[rel_alt: 40.0 abs_alt: 440.0] [focal_len: 240] [gb_yaw: 0.0 gb_pitch: -60.0 gb_roll: 0.0]\n\n"
+            for at in range(3)
+        )
+    )
+    browser.get_log("browser")
+    opened = LocatePage(browser, tmp_path / "DJI_0001.avi")
+    yield opened
+    opened.close()
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -117,3 +144,25 @@ def test_name_and_second_target_are_kept_when_the_page_is_opened_again(page):
     assert labels == ["my car", "target 1"]
     opened.browser.find_element("id", "remove").click()
     opened.until("locatePage.state().clicks.length === 1")
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_click_in_a_frame_of_a_video_is_drawn_in_the_frame_that_the_scrubber_shows(video_page, width: int):
+    from selenium.webdriver import Keys
+
+    video_page.open(width)
+    assert video_page.ask("document.documentElement.scrollWidth") <= width
+    assert video_page.ask("document.getElementById('scrubber').checkVisibility()")
+    slider = video_page.browser.find_element("id", "time")
+    slider.send_keys(Keys.HOME)
+    video_page.until("locatePage.shown() === 'DJI_0001.avi@0.000'")
+    video_page.click_pixel(80.0, 30.0)
+    target = video_page.until("locatePage.state().answers?.targets[0]")
+    assert target["pictures"][0]["file"] == "DJI_0001.avi@0.000"
+    video_page.browser.find_element("id", "forward").click()
+    video_page.until("locatePage.shown() === 'DJI_0001.avi@1.000'")
+    video_page.until("document.querySelectorAll('#picture path[stroke-dasharray]').length")
+    find = "locatePage.state().answers.targets[0].expected.find((each) => each.file === 'DJI_0001.avi@1.000')"
+    expected = video_page.until(find)
+    assert expected["v"] > 40.0  # the drone has flown towards it
+    assert [each for each in video_page.browser.get_log("browser") if each["level"] == "SEVERE"] == []

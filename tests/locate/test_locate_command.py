@@ -41,20 +41,11 @@ def test_locate_resized_picture_gives_the_place_and_says_so(picture, capsys: pyt
     (target,) = last_json(out)["targets"]
     north, east, _ = pymap3d.geodetic2ned(target["lat"], target["lon"], 0, lat, lon, 0)
     assert np.hypot(north, east) < 0.05
-    assert target["alt_datum"] == "takeoff"
+    assert (target["alt_datum"], target["alt_amsl"]) == ("egm96", pytest.approx(400.0, abs=0.05))
     assert "resized from 4000 x 3000" in out
     assert "flat ground at take-off height: give --terrain FILE for hills" in out
+    assert "the ground lies within 4 m of it (one sigma), or 5% of the height above ground if that is more" in out
     assert "MGRS" in out
-
-
-@pytest.mark.parametrize("suffix", [".kml", ".geojson", ".csv"])
-def test_locate_out_writes_the_place_with_its_datum(picture, suffix: str, tmp_path: Path) -> None:
-    path, pixel, (lat, _) = picture
-    out = tmp_path / f"o{suffix}"
-    assert main(["locate", str(path), "--pixel", pixel, "--out", str(out)]) == 0
-    text = out.read_text()
-    assert f"{lat:.5f}" in text
-    assert "EGM96" in text or "alt_datum" in text
 
 
 def test_locate_two_pictures_is_more_certain_than_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -138,6 +129,54 @@ def test_locate_broken_pictures_is_one_line(picture, tmp_path: Path, capsys: pyt
         captured = capsys.readouterr()
         assert status in (0, 1, 2)
         assert captured.err.count("\n") == (status != 0)
+
+
+@pytest.mark.parametrize("options", [[], ["--hfov", "70"]])
+def test_locate_cropped_picture_asks_for_its_camera(options: list[str], tmp_path: Path, capsys) -> None:
+    """40 x 22 pixels of a picture of 4000 x 3000: nothing says where the axis is."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    from sitl_mock.maker_tags import LAYOUTS, tagged_jpeg
+
+    jpeg, path = BytesIO(), tmp_path / "a.jpg"
+    Image.new("RGB", (40, 22)).save(jpeg, "JPEG")
+    xmp, exif = LAYOUTS["dji_rtk"](true_picture(np.random.default_rng(2), pitch=-55.0))
+    path.write_bytes(tagged_jpeg(jpeg.getvalue(), xmp, exif, (WIDTH, HEIGHT)))
+    assert main(["locate", str(path), "--pixel", "20,20", *options]) == 2
+    assert "another shape; give --camera FILE" in capsys.readouterr().err
+    (tmp_path / "camera.yaml").write_text(  # as ROS writes it
+        "image_width: 40\nimage_height: 22\ncamera_name: a\ndistortion_model: plumb_bob\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [27, 0, 19.5, 0, 27, 10.5, 0, 0, 1]}\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n"
+    )
+    assert main(["locate", str(path), "--pixel", "20,20", "--camera", str(tmp_path / "camera.yaml")]) == 0
+    assert "lens by --camera" in capsys.readouterr().out
+
+
+def test_locate_picture_of_a_messenger_is_one_line(tmp_path: Path, capsys) -> None:
+    from PIL import Image
+
+    Image.new("RGB", (400, 300)).save(tmp_path / "a.jpg")
+    assert main(["locate", str(tmp_path / "a.jpg"), "--pixel", "20,20"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "messengers remove it: use the original file" in error
+
+
+def test_locate_unknown_datum_is_said_with_its_sigma_and_may_be_given(tmp_path: Path, capsys) -> None:
+    """Autel states no datum: taken as above the ellipsoid with 20 m, or as what the user says."""
+    path = write_picture(tmp_path / "a.jpg", "autel_new", true_picture(np.random.default_rng(2), pitch=-55.0))
+    words = ["locate", str(path), "--pixel", "19.5,14.5", "--ground-alt", "400", "--json"]
+    assert main(words) == 0
+    unknown = capsys.readouterr().out
+    assert "taken as above the ellipsoid (one sigma 20 m); give --alt-datum egm96 or ellipsoid" in unknown
+    assert main([*words, "--alt-datum", "ellipsoid"]) == 0
+    known = capsys.readouterr().out
+    assert "--alt-datum" not in known
+    heights = [last_json(out)["targets"][0]["budget_m"]["shared_height"] for out in (unknown, known)]
+    assert heights[1] == pytest.approx(heights[0] / 4.0)  # 5 m of a consumer's GNSS
 
 
 def test_locate_pixels_of_ground_control_fuses_one_label(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

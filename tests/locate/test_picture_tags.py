@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 
+import msgspec
 import pytest
 
 from fwav_companion.photographs.exif_tags import FOCAL_35MM, MAKE, MODEL
@@ -51,6 +52,33 @@ def test_altitude_of_dji_counts_by_its_rtk_flag(flag: str, datum: AltDatum, shar
     assert isinstance(found, PicturePose)
     assert found.absolute is not None
     assert (found.absolute.datum, found.absolute.sigma.shared) == (datum, shared_m)
+
+
+@pytest.mark.parametrize(
+    ("stated", "datum"), [("EPSG:5773", AltDatum.EGM96), ("ellipsoidal", AltDatum.ELLIPSOID), ("", AltDatum.EGM96)]
+)
+def test_altitude_of_sensefly_counts_by_its_vertical_system(stated: str, datum: AltDatum) -> None:
+    angles = {"Camera:Roll": "1.0", "Camera:Pitch": "2.0", "Camera:Yaw": "3.0"}
+    found = pose_from_tags(
+        PictureTags(size=(40, 30), xmp=angles | {"Camera:VertCS": stated}, exif={MAKE: "senseFly"}, gps=GPS)
+    )
+    assert isinstance(found, PicturePose)
+    assert found.absolute is not None
+    assert found.absolute.datum is datum
+    assert bool(found.absolute.note) is not bool(stated)  # what is not stated is said
+
+
+def test_altitude_of_a_skydio_x10_in_exif_is_above_the_ellipsoid() -> None:
+    xmp = {f"CameraOrientationNED/{name}": value for name, value in (("Roll", "0"), ("Pitch", "-60"), ("Yaw", "9"))}
+    found = pose_from_tags(PictureTags(size=(40, 30), xmp=xmp, exif={MAKE: "Skydio", MODEL: "Skydio X10"}, gps=GPS))
+    assert isinstance(found, PicturePose)
+    assert found.absolute is not None
+    assert found.absolute.datum is AltDatum.ELLIPSOID
+    older = PictureTags(size=(40, 30), xmp=xmp | {"AbsoluteAltitude": "650"}, exif={MAKE: "Skydio", MODEL: "X2"})
+    found = pose_from_tags(msgspec.structs.replace(older, gps=GPS))
+    assert isinstance(found, PicturePose)
+    assert found.absolute is not None
+    assert found.absolute.datum is AltDatum.EGM96
 
 
 def test_altitude_below_the_reference_is_negative() -> None:

@@ -17,7 +17,10 @@ from fwav_companion.cli.main import main
 from fwav_companion.errors import InputFileError
 from fwav_companion.photographs.flight_csv import parse_flight_csv
 from fwav_companion.photographs.parrot_metadata import parrot_row
+from fwav_companion.photographs.picture_pose import PicturePose
 from fwav_companion.photographs.srt import parse_srt
+from fwav_companion.photographs.telemetry_rows import TelemetryRow
+from fwav_companion.photographs.video_poses import pose_at
 from tests.support.made_videos import HEIGHT, WIDTH, parrot_v3, timed_text, write_mp4
 from tests.support.maker_pictures import place_below, true_picture
 
@@ -71,6 +74,20 @@ def test_srt_that_is_mutated_gives_rows_or_one_line() -> None:
         with suppress(InputFileError):
             rows = parse_srt("".join(text)[: rng.randrange(1, len(text))], "a.SRT")
             assert all(abs(row.lat_deg) <= 90.0 for row in rows)
+
+
+def test_pose_between_rows_across_the_antimeridian_is_between_them() -> None:
+    rows = [
+        TelemetryRow(
+            at_s=at, until_s=at + 1.0, lat_deg=10.0, lon_deg=lon, above_takeoff_m=50.0, angles_deg=(0.0, -60.0, 90.0)
+        )
+        for at, lon in ((0.0, 179.9999), (1.0, -179.9997))
+    ]
+    pose = pose_at(rows, 0.75, None)
+    assert isinstance(pose, PicturePose)
+    assert pose.lon_deg == pytest.approx(-179.9998, abs=1e-9)
+    assert pose.motion is not None
+    assert pose.motion.velocity_ned == pytest.approx((0.0, 4e-4 * 111_320.0 * np.cos(np.radians(10.0)), 0.0))
 
 
 @pytest.fixture

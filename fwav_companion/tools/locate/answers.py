@@ -69,7 +69,7 @@ class PlaceAnswer(msgspec.Struct, frozen=True, kw_only=True):
     alt_hae: float | None
     """Metres above the ellipsoid."""
     alt_datum: str
-    """The level that the answer was computed on: egm96 or takeoff."""
+    """What the altitude that is known counts from: egm96 (``alt_amsl``), else takeoff (``alt_takeoff``)."""
     mgrs: str | None
     utm: str | None
     ellipse95_major_m: float
@@ -175,7 +175,7 @@ def _answer(place: Place, world: PictureWorld, geoid: Geoid) -> PlaceAnswer:
         alt_amsl=amsl,
         alt_takeoff=above,
         alt_hae=None if amsl is None else amsl + geoid.undulation_m(lat, lon),
-        alt_datum=scale.level.value,
+        alt_datum=(AltDatum.TAKEOFF if amsl is None else AltDatum.EGM96).value,
         mgrs=None if grid is None else grid.mgrs(),
         utm=None if grid is None else grid.text(),
         ellipse95_major_m=SCALE_95 * larger,

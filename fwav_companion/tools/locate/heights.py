@@ -14,7 +14,7 @@ import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.geoid import TWO_GEOIDS_SIGMA_M, Geoid
-from fwav_companion.photographs.makers import GNSS_HEIGHT
+from fwav_companion.photographs.makers import DISPUTED, GNSS_HEIGHT
 from fwav_companion.photographs.picture_pose import AltDatum, Altitude, PicturePose, Sigma
 
 TRUSTED_M = 5.0
@@ -140,11 +140,12 @@ def _above_geoid(pose: PicturePose, geoid: Geoid, options: VerticalOptions, note
     if absolute is None or options.alt_datum is AltDatum.TAKEOFF:
         return None
     datum, sigma = absolute.datum, absolute.sigma
+    disputed = sigma == DISPUTED
     if options.alt_datum is not None:
-        datum, resolved = options.alt_datum, absolute.note and sigma.shared > TRUSTED_M and pose.layout != "DJI"
-        sigma = GNSS_HEIGHT if resolved else sigma
+        datum, sigma = options.alt_datum, GNSS_HEIGHT if disputed else sigma
     elif absolute.note:
-        notes.append(absolute.note)
+        better = "; give --alt-datum egm96 or ellipsoid if you know it" if disputed else ""
+        notes.append(f"{absolute.note} (one sigma {sigma.shared:g} m){better}")
     metres = absolute.metres
     if datum is AltDatum.ELLIPSOID:
         metres -= geoid.undulation_m(pose.lat_deg, pose.lon_deg)

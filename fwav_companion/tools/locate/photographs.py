@@ -126,6 +126,7 @@ def _lens(path: Path, tags: PictureTags, options: CameraOptions) -> tuple[Lens, 
             )
         return options.calibration.lens, 0.0, ("lens by --camera",)
     if options.hfov_deg is not None:
+        _require_shape(path, tags.size, with_stated_size(tags).size)
         focal = 0.5 * tags.size[0] / tan(0.5 * radians(options.hfov_deg))
         return _made(path, lens_from_field_of_view(tags.size, focal, GIVEN_FIELD_SIGMA, "--hfov"), tags.size)
     if path.name in options.lenses:
@@ -140,11 +141,7 @@ def _made(path: Path, lens: PictureLens, size: tuple[int, int]) -> tuple[Lens, f
     notes = (f"focal length by {lens.source}, within {lens.focal_sigma:.1%}", *lens.notes)
     across, along = size[0] / lens.size[0], size[1] / lens.size[1]
     if size != lens.size:
-        if abs(across / along - 1.0) > SAME_SHAPE:
-            raise InputFileError(
-                f"{path}: {size[0]} x {size[1]} pixels, taken with {lens.size[0]} x {lens.size[1]}: another shape; "
-                "give --camera FILE for it"
-            )
+        _require_shape(path, size, lens.size)
         notes = (*notes, f"resized from {lens.size[0]} x {lens.size[1]} pixels: the lens is scaled with it")
     u, v = lens.principal_point
     try:
@@ -157,6 +154,15 @@ def _made(path: Path, lens: PictureLens, size: tuple[int, int]) -> tuple[Lens, f
     except ValueError as error:
         raise InputFileError(f"{path}: {lens.source}: {error}; give --camera FILE") from None
     return made, lens.focal_sigma, notes
+
+
+def _require_shape(path: Path, size: tuple[int, int], taken: tuple[int, int]) -> None:
+    """InputFileError for a picture that was cropped: nothing says where the optical axis is in it."""
+    if abs(size[0] * taken[1] / (size[1] * taken[0]) - 1.0) > SAME_SHAPE:
+        raise InputFileError(
+            f"{path}: {size[0]} x {size[1]} pixels, taken with {taken[0]} x {taken[1]}: another shape; "
+            "give --camera FILE for it"
+        )
 
 
 def _stored(viewed: Pixel, size: tuple[int, int], turned: int) -> Pixel:

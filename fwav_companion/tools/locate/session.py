@@ -96,7 +96,7 @@ class LocateSession:
         self._geoid = geoid
         notes = [f"pose by {photograph.pose.layout} tags" for photograph in photographs]
         notes += [note for photograph in photographs for note in photograph.notes]
-        self.assumed = list(dict.fromkeys([*notes, *scale.notes]))
+        self.assumed = list(dict.fromkeys([*notes, *scale.notes, self.world.ground_claim]))
 
     def located(
         self, clicks: Sequence[PictureClick], sigma_px: float = CLICK_SIGMA_PX, *, expected: bool = False

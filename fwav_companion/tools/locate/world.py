@@ -40,6 +40,8 @@ class PictureWorld(msgspec.Struct, frozen=True):
     shared_sigmas: tuple[tuple[float, ...], ...]
     surface: Surface
     scale: VerticalScale
+    ground_claim: str
+    """For the user: how certain the ground's level is taken to be."""
 
 
 class Configured(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,6 +87,7 @@ def make_world(
         relief = RELIEF_M if configured.terrain_m is None else configured.terrain_m
         per_height = RELIEF_PER_HEIGHT if configured.terrain_m is None else 0.0
         surface = FlatSurface(-flat, relief, per_height, scale.flat_ground_sigma_m)
+        claim = _flat_claim(relief, per_height, scale.flat_ground_sigma_m)
     else:
         raised = -geoid.undulation_m(first.lat_deg, first.lon_deg) if terrain_datum == "ellipsoid" else 0.0
         apart = None
@@ -99,7 +102,15 @@ def make_world(
             else sigma
         )
         surface = TerrainSurface(elevation, plane, raised, sigma)
-    return PictureWorld(plane, tuple(shots), tuple(shared), surface, scale)
+        claim = f"the elevation model's heights are right within {sigma:.2g} m (one sigma)"
+    return PictureWorld(plane, tuple(shots), tuple(shared), surface, scale, claim)
+
+
+def _flat_claim(relief_m: float, per_height: float, level_sigma_m: float) -> str:
+    claim = f"the ground lies within {relief_m:g} m of it (one sigma)"
+    if per_height > 0.0:
+        claim += f", or {per_height:.0%} of the height above ground if that is more"
+    return claim + (f"; its level is by the barometer, within {level_sigma_m:.1f} m" if level_sigma_m > 0.0 else "")
 
 
 def _shot(picture: PosedPicture, plane: TangentPlane, height_m: float, own_height_m: float, group: int) -> Shot:
