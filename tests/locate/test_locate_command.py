@@ -44,7 +44,7 @@ def test_locate_resized_picture_gives_the_place_and_says_so(picture, capsys: pyt
     assert (target["alt_datum"], target["alt_amsl"]) == ("egm96", pytest.approx(400.0, abs=0.05))
     assert "resized from 4000 x 3000" in out
     assert "flat ground at take-off height: give --terrain FILE for hills" in out
-    assert "the ground lies within 4 m of it (one sigma), or 5% of the height above ground if that is more" in out
+    assert "the true ground lies within 4 m of the flat one (one sigma), or 5% of the height above ground" in out
     assert "MGRS" in out
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import random
+import struct
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -76,6 +78,39 @@ def _hgt(_: Path) -> bytes:
     return np.full((5, 5), 400, dtype=">i2").tobytes()
 
 
+def _hgt_zip(folder: Path) -> bytes:
+    with ZipFile(folder / "made.zip", "w") as archive:
+        archive.writestr("N47E011.hgt", _hgt(folder))
+    return (folder / "made.zip").read_bytes()
+
+
+def _raster(folder: Path, suffix: str, driver: str, side: int) -> bytes:
+    """A raster of one degree about the picture; DTED's smallest has 121 samples a side."""
+    rasterio = pytest.importorskip("rasterio")
+    copy = pytest.importorskip("rasterio.shutil").copy
+    step = 1.0 / (side - 1)
+    place = rasterio.Affine(step, 0.0, 11.0 - 0.5 * step, 0.0, -step, 48.0 + 0.5 * step)
+    path = folder / f"made.{suffix}"
+    options = {"height": side, "width": side, "count": 1, "dtype": "int16", "crs": "EPSG:4326", "transform": place}
+    with rasterio.MemoryFile() as memory, memory.open(driver="GTiff", **options) as made:
+        made.write(np.full((1, side, side), 400, np.int16))
+        copy(made, path, driver=driver)
+    return path.read_bytes()
+
+
+def _geotiff(folder: Path) -> bytes:
+    return _raster(folder, "tif", "GTiff", 5)
+
+
+def _dted(folder: Path) -> bytes:
+    return _raster(folder, "dt0", "DTED", 121)
+
+
+def _gtx(_: Path) -> bytes:
+    """A geoid of 3 x 4 samples on the whole globe."""
+    return struct.pack(">4d2i", -90.0, -180.0, 90.0, 90.0, 3, 4) + np.full(12, 47.0, ">f4").tobytes()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "name", "option"),
@@ -84,6 +119,10 @@ def _hgt(_: Path) -> bytes:
         (_pixels, "pixels.csv", "--pixels"),
         (_geo_txt, "geo.txt", "--poses"),
         (_hgt, "N47E011.hgt", "--terrain"),
+        (_hgt_zip, "N47E011.hgt.zip", "--terrain"),
+        (_geotiff, "a.tif", "--terrain"),
+        (_dted, "a.dt0", "--terrain"),
+        (_gtx, "a.gtx", "--geoid"),
     ],
 )
 def test_mutated_file_of_an_option_gives_an_answer_or_one_line(
@@ -95,6 +134,8 @@ def test_mutated_file_of_an_option_gives_an_answer_or_one_line(
     words = ["locate", str(picture), option, str(file)]
     words += [] if option == "--pixels" else ["--pixel", "20,20"]
     words += [] if option == "--terrain" else ["--ground-alt", "400"]
+    file.write_bytes(good)
+    assert require_an_answer_or_one_line(capsys, words) == 0
     for _ in range(MUTATIONS):
         file.write_bytes(mutated(rng, good))
         require_an_answer_or_one_line(capsys, words)
@@ -113,3 +154,26 @@ def test_mutated_poses_give_an_answer_or_one_line(tmp_path: Path) -> None:
         text = mutated(rng, good).decode("utf-8", "replace")
         with suppress(InputFileError):
             assert parse_poses(text, "poses.csv", lambda *_: 0.0).poses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layout", ["timed text", "transport stream"])
+def test_mutated_video_gives_an_answer_or_one_line(
+    layout: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("av")
+    from tests.locate.test_klv import packet, write_stream
+    from tests.support.made_videos import timed_text, write_mp4
+
+    if layout == "timed text":
+        said = "GPS(E: 11.0, N: 47.0, 440.0m) ReH:40.0 G.PRY (-60.0, 0.0, 10.0)"
+        path = write_mp4(tmp_path / "a.mp4", [timed_text(said)] * 3)
+    else:
+        path = tmp_path / "a.ts"
+        write_stream(path, [packet(_13=47.0, _14=11.0)] * 30)
+    good, rng = path.read_bytes(), random.Random(layout)
+    words = ["locate", str(path), "--at", "1", "--pixel", "20,20", "--hfov", "60", "--ground-alt", "400"]
+    assert require_an_answer_or_one_line(capsys, words) == 0
+    for _ in range(MUTATIONS // 2):
+        path.write_bytes(mutated(rng, good))
+        require_an_answer_or_one_line(capsys, words)

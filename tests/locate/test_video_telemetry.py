@@ -210,6 +210,15 @@ def test_text_track_of_autel_in_the_video_is_read(tmp_path: Path, capsys: pytest
     _same_place(path, truth, capsys, "--hfov", "60")
 
 
+def test_track_that_is_not_read_is_named_with_the_tool_that_reads_it(tmp_path: Path, capsys) -> None:
+    path = write_mp4(tmp_path / "DJI_0001.mp4", [timed_text("CAM meta"), timed_text("DJI meta")])
+    assert main(["locate", str(path), "--at", "1", "--pixel", "80,45"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert 'what DJI embeds (track "' in error
+    assert "exiftool -ee gives as text" in error
+
+
 def test_metadata_track_of_parrot_in_the_video_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     truth = true_picture(np.random.default_rng(9), lat=48.8, lon=2.4, pitch=-60.0, yaw=30.0, roll=2.0,
                          width=WIDTH, height=HEIGHT, focal_px=80 / np.tan(np.radians(30)))  # fmt: skip

@@ -107,10 +107,12 @@ def make_world(
 
 
 def _flat_claim(relief_m: float, per_height: float, level_sigma_m: float) -> str:
-    claim = f"the ground lies within {relief_m:g} m of it (one sigma)"
+    claim = f"the true ground lies within {relief_m:g} m of the flat one (one sigma)"
     if per_height > 0.0:
         claim += f", or {per_height:.0%} of the height above ground if that is more"
-    return claim + (f"; its level is by the barometer, within {level_sigma_m:.1f} m" if level_sigma_m > 0.0 else "")
+    if level_sigma_m > 0.0:
+        claim += f"; the flat one's level is by the barometer, within {level_sigma_m:.1f} m"
+    return claim
 
 
 def _shot(picture: PosedPicture, plane: TangentPlane, height_m: float, own_height_m: float, group: int) -> Shot:
