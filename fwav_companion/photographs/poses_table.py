@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from fwav_companion.photographs.picture_pose import AltDatum, Altitude, PicturePose
+from fwav_companion.photographs.stated_datum import with_stated_datum
 
 TRUSTED_M: Final = 5.0
 """Largest shared sigma of an absolute altitude that is preferred to the height above the take-off, metres."""
@@ -28,7 +29,7 @@ def pose_row(
 ) -> dict[str, str | float | int] | None:
     """The columns of a pose; None where the picture has no altitude. ``size``: None where it is not known.
 
-    ``alt_datum``: of the absolute altitude.
+    ``alt_datum``: of the absolute altitude, which then counts in any case; None: by the picture's tags.
     """
     altitude = _altitude(pose, alt_datum)
     if altitude is None:
@@ -69,9 +70,8 @@ def poses_csv(rows: Sequence[Mapping[str, str | float | int]]) -> str:
 
 
 def _altitude(pose: PicturePose, alt_datum: AltDatum | None) -> Altitude | None:
+    pose = with_stated_datum(pose, alt_datum)
     absolute = pose.absolute
-    if alt_datum is not None and absolute is not None and alt_datum is not AltDatum.TAKEOFF:
-        return Altitude(absolute.metres, alt_datum, absolute.sigma)
-    if absolute is not None and absolute.sigma.shared <= TRUSTED_M and alt_datum is None:
+    if absolute is not None and (absolute.sigma.shared <= TRUSTED_M or alt_datum is not None):
         return absolute
-    return pose.above_takeoff or (absolute if alt_datum is None else None)
+    return pose.above_takeoff or absolute

@@ -37,9 +37,11 @@ def config(tmp_path):
     return path
 
 
-def photograph(path, *, time=None, offset=None, gps=None, exposure=None, xmp=None, centre=(320.0, 240.0)):
-    image = Image.fromarray(tag_picture(centre, side_px=90.0))
+def photograph(path, *, time=None, offset=None, gps=None, exposure=None, xmp=None, make=None):
+    image = Image.fromarray(tag_picture((320.0, 240.0), side_px=90.0))
     exif = image.getexif()
+    if make is not None:
+        exif[0x010F] = make
     own = exif.get_ifd(EXIF_IFD)
     own |= {tag: value for tag, value in ((0x9003, time), (0x9011, offset), (0x829A, exposure)) if value is not None}
     if gps is not None:
@@ -184,6 +186,29 @@ def test_poses_alone_need_no_configuration_and_no_times(tmp_path, capsys):
     assert main(["detect", str(folder), "--config", str(tmp_path / "c.toml"), "--poses-out", str(out)]) == 0
     assert main(["detect", str(folder)]) == 2
     assert "--poses-out CSV alone" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("stated", "counted"),
+    [
+        ([], ("620.5", "ellipsoid", "20.0")),
+        (["--alt-datum", "egm96"], ("620.5", "egm96", "5.0")),
+        (["--alt-datum", "takeoff"], ("620.5", "takeoff", "3.0")),
+    ],
+)
+def test_an_altitude_counts_from_the_stated_datum(tmp_path, stated, counted):
+    """An Autel without a height above the take-off: its datum is not known, unless somebody says it."""
+    folder, out = tmp_path / "pictures", tmp_path / "poses.csv"
+    folder.mkdir()
+    xmp = (
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:GimbalRollDegree="0" '
+        'drone-dji:GimbalPitchDegree="-45" drone-dji:GimbalYawDegree="9"/></x:xmpmeta>'
+    )
+    gps = {1: "N", 2: (33.0, 30.0, 0.0), 3: "E", 4: (70.0, 36.0, 0.0), 5: b"\x00", 6: 620.5}
+    photograph(folder / "a.jpg", xmp=xmp, gps=gps, make="Autel Robotics")
+    assert main(["detect", str(folder), "--poses-out", str(out), *stated]) == 0
+    (row,) = csv.DictReader(out.read_text().splitlines())
+    assert (row["alt"], row["alt_datum"], row["height_bias_m"]) == counted
 
 
 def test_pictures_with_stamps_give_the_poses_of_their_tags(tmp_path, config):

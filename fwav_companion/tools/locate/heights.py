@@ -14,8 +14,9 @@ import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.geoid import TWO_GEOIDS_SIGMA_M, Geoid
-from fwav_companion.photographs.makers import DISPUTED, GNSS_HEIGHT
+from fwav_companion.photographs.makers import DISPUTED
 from fwav_companion.photographs.picture_pose import AltDatum, Altitude, PicturePose, Sigma
+from fwav_companion.photographs.stated_datum import with_stated_datum
 
 TRUSTED_M = 5.0
 """Largest shared sigma of an absolute altitude that is used without the take-off's, metres."""
@@ -64,8 +65,9 @@ def vertical_scale(
 ) -> VerticalScale:
     """The cameras' heights. InputFileError names the picture and what to give."""
     notes: list[str] = []
-    absolutes = [_above_geoid(pose, geoid, options, notes) for pose in poses]
-    relatives = [_above_takeoff(pose, options) for pose in poses]
+    poses = [with_stated_datum(pose, options.alt_datum) for pose in poses]
+    absolutes = [_above_geoid(pose, geoid, notes) for pose in poses]
+    relatives = [pose.above_takeoff for pose in poses]
     if options.has_terrain or options.ground_alt_m is not None:
         heights = [
             _absolute_height(name, absolute, relative, options, notes)
@@ -134,28 +136,18 @@ def _above_flat_takeoff(
     )
 
 
-def _above_geoid(pose: PicturePose, geoid: Geoid, options: VerticalOptions, notes: list[str]) -> Altitude | None:
+def _above_geoid(pose: PicturePose, geoid: Geoid, notes: list[str]) -> Altitude | None:
     """The absolute altitude above EGM96: the height above the ellipsoid less the undulation (H = h - N)."""
     absolute = pose.absolute
-    if absolute is None or options.alt_datum is AltDatum.TAKEOFF:
+    if absolute is None:
         return None
-    datum, sigma = absolute.datum, absolute.sigma
-    disputed = sigma == DISPUTED
-    if options.alt_datum is not None:
-        datum, sigma = options.alt_datum, GNSS_HEIGHT if disputed else sigma
-    elif absolute.note:
-        better = "; give --alt-datum egm96 or ellipsoid if you know it" if disputed else ""
-        notes.append(f"{absolute.note} (one sigma {sigma.shared:g} m){better}")
+    if absolute.note:
+        better = "; give --alt-datum egm96 or ellipsoid if you know it" if absolute.sigma == DISPUTED else ""
+        notes.append(f"{absolute.note} (one sigma {absolute.sigma.shared:g} m){better}")
     metres = absolute.metres
-    if datum is AltDatum.ELLIPSOID:
+    if absolute.datum is AltDatum.ELLIPSOID:
         metres -= geoid.undulation_m(pose.lat_deg, pose.lon_deg)
-    return Altitude(metres, AltDatum.EGM96, sigma, absolute.note)
-
-
-def _above_takeoff(pose: PicturePose, options: VerticalOptions) -> Altitude | None:
-    if options.alt_datum is AltDatum.TAKEOFF and pose.above_takeoff is None and pose.absolute is not None:
-        return Altitude(pose.absolute.metres, AltDatum.TAKEOFF, Sigma(1.0, 3.0))
-    return pose.above_takeoff
+    return Altitude(metres, AltDatum.EGM96, absolute.sigma)
 
 
 def _absolute_height(
