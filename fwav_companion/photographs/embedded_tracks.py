@@ -88,7 +88,8 @@ def _time_notes(states: list[SensorState], scale: TimeScale) -> list[str]:
     if scale is not TimeScale.AUTO or not states or states[0].time_s is None:
         return []
     if states[0].leap_s is None:
-        return ["the metadata's time is taken as UTC: --klv-time misp where the encoder writes MISP time (37 s later)"]
+        misp = "detect --klv-time misp where the encoder writes MISP time (37 s later)"
+        return [f"the metadata's time is taken as UTC: {misp}"]
     return [f"the metadata's time is MISP time, {states[0].leap_s} s after UTC by its own word"]
 
 

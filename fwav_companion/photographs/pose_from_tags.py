@@ -51,6 +51,8 @@ def pose_from_tags(tags: PictureTags) -> PicturePose | NoPose:
         return NoPose("no position in its XMP or EXIF (messengers remove it: use the original file)")
     if place == (0.0, 0.0):
         return NoPose("its position is 0, 0: the receiver had no fix")
+    if tags.text("GpsStatus").lower() == "invalid":
+        return NoPose("its position is none by its own tags (GpsStatus Invalid)")
     if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         return NoPose(f"its position {place[0]:g}, {place[1]:g} is not a place on the earth")
     if layout is None:

@@ -49,6 +49,11 @@ def parse_srt(text: str, name: str) -> list[TelemetryRow]:
     return sorted(rows[:MOST_ROWS], key=lambda row: row.at_s)
 
 
+def end_of_srt_s(text: str) -> float:
+    """The end of the last subtitle, also of one without a position; 0 where there is none."""
+    return max((_seconds(cue.groups()[4:]) for cue in _cues(text)), default=0.0)
+
+
 def subtitle_row(at_s: float, until_s: float, body: str) -> TelemetryRow:
     """What one subtitle says."""
     body = BROKEN_SIGN.sub(r"\1\2", body.replace(r"\N", "\n"))
@@ -71,10 +76,14 @@ def subtitle_row(at_s: float, until_s: float, body: str) -> TelemetryRow:
 
 
 def _rows(text: str) -> Iterator[TelemetryRow]:
-    cues = list(CUE.finditer(text)) or list(DIALOGUE.finditer(text))
+    cues = _cues(text)
     for cue, following in zip(cues, [*cues[1:], None], strict=False):
         body = text[cue.end() : len(text) if following is None else following.start()]
         yield subtitle_row(_seconds(cue.groups()[:4]), _seconds(cue.groups()[4:]), body)
+
+
+def _cues(text: str) -> list[re.Match[str]]:
+    return list(CUE.finditer(text)) or list(DIALOGUE.finditer(text))
 
 
 def _seconds(parts: tuple[str, ...]) -> float:

@@ -14,7 +14,7 @@ from fwav_companion.on_disk import content
 from fwav_companion.photographs.embedded_tracks import embedded_telemetry
 from fwav_companion.photographs.flight_csv import parse_flight_csv
 from fwav_companion.photographs.klv import TimeScale
-from fwav_companion.photographs.srt import parse_srt
+from fwav_companion.photographs.srt import end_of_srt_s, parse_srt
 from fwav_companion.photographs.telemetry_rows import TelemetryRow
 
 SUBTITLES, TABLES = (".srt", ".ass"), (".csv",)
@@ -48,11 +48,14 @@ def video_telemetry(path: Path, length_s: float, scale: TimeScale = TimeScale.AU
         text = content(beside).decode("utf-8", "replace")
     except OSError as error:
         raise InputFileError(f"{beside}: {error.strerror}; accepted: a readable file") from None
-    parse = parse_srt if beside.suffix.lower() in SUBTITLES else parse_flight_csv
-    rows = parse(text, str(beside))
-    if length_s > 0.0 and abs(rows[-1].until_s - length_s) > OTHER_VIDEO_S:
+    if beside.suffix.lower() in SUBTITLES:
+        rows, end_s = parse_srt(text, str(beside)), end_of_srt_s(text)
+    else:
+        rows = parse_flight_csv(text, str(beside))
+        end_s = rows[-1].until_s
+    if length_s > 0.0 and abs(end_s - length_s) > OTHER_VIDEO_S:
         raise InputFileError(
-            f"{beside}: it ends at {rows[-1].until_s:.1f} s, the video at {length_s:.1f} s: another video's; accepted: "
+            f"{beside}: it ends at {end_s:.1f} s, the video at {length_s:.1f} s: another video's; accepted: "
             f"the telemetry of {path.name}"
         )
     return VideoTelemetry(tuple(rows), beside.name)

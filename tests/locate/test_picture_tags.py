@@ -35,6 +35,11 @@ def test_pose_at_zero_zero_is_refused() -> None:
     assert isinstance(found, NoPose)
 
 
+@pytest.mark.parametrize(("status", "kind"), [("Normal", PicturePose), ("RTK", PicturePose), ("Invalid", NoPose)])
+def test_pose_without_a_valid_position_is_refused(status: str, kind: type) -> None:
+    assert isinstance(pose_from_tags(dji(GpsStatus=status)), kind)
+
+
 def test_pose_without_angles_asks_for_them() -> None:
     found = pose_from_tags(PictureTags(size=(4000, 3000), gps=GPS))
     assert isinstance(found, NoPose)

@@ -140,6 +140,18 @@ def test_locate_video_with_something_missing_is_one_line(video, change, said: st
     assert said in error
 
 
+def test_srt_whose_last_subtitles_have_no_position_is_the_video_s_own(video, capsys) -> None:
+    """The receiver lost its position after the first half second of three."""
+    path, truth = video
+    path.with_suffix(".SRT").write_text(
+        f"1\n00:00:00,000 --> 00:00:00,500\n[latitude: {truth.lat:.9f}] [longitude: {truth.lon:.9f}] [rel_alt: 50.0] "
+        "[focal_len: 240] [gb_yaw: 1 gb_pitch: -60.0 gb_roll: 0.0]\n\n"
+        "2\n00:00:00,500 --> 00:00:03,000\n[latitude: 0.0] [longitude: 0.0] [rel_alt: 50.0]\n\n"
+    )
+    assert main(["locate", str(path), "--at", "0.2", "--pixel", "100,60"]) == 0
+    capsys.readouterr()
+
+
 def _edit(path: Path, old: str, new: str) -> None:
     srt = path.with_suffix(".SRT")
     srt.write_text(srt.read_text().replace(old, new))
