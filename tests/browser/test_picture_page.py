@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +27,11 @@ WIDTHS = (1300, 400)
 class LocatePage:
     """The open page."""
 
-    def __init__(self, browser: Any, shown: Path) -> None:
+    def __init__(self, browser: Any, shown: Path, *options: str) -> None:
         """``shown``: a folder of pictures, or a video."""
         self.browser, self.port = browser, free_port()
         folder = shown if shown.is_dir() else shown.parent
-        words = ("locate", str(shown), "--http", f"127.0.0.1:{self.port}")
+        words = ("locate", str(shown), "--http", f"127.0.0.1:{self.port}", *options)
         self.process = Process("fwav_companion", *words, folder=folder)
         self.process.wait_for("pictures and map: http")
 
@@ -166,3 +168,26 @@ def test_click_in_a_frame_of_a_video_is_drawn_in_the_frame_that_the_scrubber_sho
     expected = video_page.until(find)
     assert expected["v"] > 40.0  # the drone has flown towards it
     assert [each for each in video_page.browser.get_log("browser") if each["level"] == "SEVERE"] == []
+
+
+def test_own_tiles_lie_below_the_map_and_nothing_comes_from_elsewhere(browser, tmp_path):
+    """World tiles of zoom 0 to 2, one colour each."""
+    write_set(tmp_path, 2)
+    with closing(sqlite3.connect(tmp_path / "world.mbtiles")) as database:
+        database.execute("CREATE TABLE metadata (name text, value text)")
+        database.execute("CREATE TABLE tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)")
+        for zoom in range(3):
+            png = cv2.imencode(".png", np.full((256, 256, 3), 80 + 40 * zoom, np.uint8))[1].tobytes()
+            places = [(zoom, column, row, png) for column in range(2**zoom) for row in range(2**zoom)]
+            database.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", places)
+        database.commit()
+    opened = LocatePage(browser, tmp_path, "--tiles", str(tmp_path / "world.mbtiles"))
+    try:
+        opened.open()
+        opened.until("[...document.querySelectorAll('#map img.leaflet-tile-loaded')].some((each) => each.naturalWidth)")
+        own = f"http://127.0.0.1:{opened.port}/"
+        loaded = opened.ask("performance.getEntriesByType('resource').map((each) => each.name)")
+        assert any(name.startswith(f"{own}tiles/2/") for name in loaded)
+        assert [name for name in loaded if not name.startswith(own)] == []
+    finally:
+        opened.close()
