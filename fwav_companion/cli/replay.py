@@ -50,7 +50,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
     add("--config", metavar="FILE", help="the configuration, as `init` writes one")
     add("--out", metavar="T.jsonl", help="the targets file to write; - for stdout: other output then goes to stderr")
-    add("--truth", metavar="T", help="true targets, CSV or JSONL with label and place: adds errors to the summary")
+    add("--truth", metavar="T", help="true targets, CSV or JSONL with label and place, or OpenDroneMap's "
+        "gcp_list.txt above sea level: adds errors to the summary")  # fmt: skip
     add("--sightings", action="store_true", help="write a line for every detection, used or not")
     add("--set", metavar="KEY=VALUE", action="append", default=[],
         help="a configuration key, as tracking.filter=lowpass; a filter of your own: module:Class")  # fmt: skip

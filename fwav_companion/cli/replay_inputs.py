@@ -16,8 +16,10 @@ from fwav_companion.cli.output import is_stdout
 from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
 from fwav_companion.geoid import egm96
+from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content
+from fwav_companion.photographs.ground_control import control_points, is_ground_control
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.exports import Export, export_for
 from fwav_companion.recording.lines import Line
@@ -254,12 +256,16 @@ def _content(name: str) -> bytes:
 
 
 def read_truth(name: str | None) -> list[TruthPoint]:
-    """The points of a truth file; empty without a name. InputFileError."""
+    """The points of a truth file, or of ground control above sea level; empty without a name. InputFileError."""
     if name is None:
         return []
     try:
-        return parse_truth(content(Path(name)).decode(), name)
+        text = content(Path(name)).decode()
+        if is_ground_control(text):
+            points = control_points(text, name)
+            return [TruthPoint(label, Geodetic.from_degrees(*place), None, None) for label, place in points.items()]
+        return parse_truth(text, name)
     except OSError as error:
-        raise InputFileError(f"{name}: {error.strerror}; accepted: a truth file, CSV or JSONL") from None
+        raise InputFileError(f"{name}: {error.strerror}; accepted: a truth file: CSV, JSONL or gcp_list.txt") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV or JSONL") from None

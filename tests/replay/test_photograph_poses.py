@@ -403,6 +403,26 @@ def test_poses_by_file_are_joined_by_the_names_of_the_detections(tmp_path):
     assert lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.01
 
 
+def test_ground_control_is_the_truth(tmp_path):
+    """In UTM as GDAL computes it; of two sights of one point, one point."""
+    warp = pytest.importorskip("rasterio.warp")
+    words = written(tmp_path, photographs(5))
+    (east,), (north,) = warp.transform("EPSG:4326", "EPSG:32632", [TARGET[1]], [TARGET[0]])
+    point = f"{east:.4f} {north:.4f} {TARGET[2]}"
+    (tmp_path / "gcp_list.txt").write_text(
+        f"EPSG:32632\n# surveyed\n{point} 10.5 20.5 0.jpg rock\n{point} 11.5 20.5 1.jpg rock\n"
+    )
+    words[words.index("truth.csv")] = "gcp_list.txt"
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    errors = lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]
+    assert errors["rms_m"] < 0.02
+    (tmp_path / "gcp_list.txt").write_text("EPSG:32632\n1 2 x 10.5 20.5 0.jpg rock\n")
+    done = run_command(*words, folder=tmp_path)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "gcp_list.txt: line 2: 1 2 x is no place" in done.stderr
+
+
 def test_a_pix4d_table_is_read_as_poses(tmp_path):
     """Omega, phi, kappa by the definition, at the central meridian of UTM 32, where grid north is true north."""
     from fwav_companion.geometry.map_grid import utm_from_degrees

@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.photographs.ground_control import LINE, control_sights
 from fwav_companion.types import Pixel
 
 ACCEPTED: Final = "a CSV with the columns file, u, v and optionally label, or OpenDroneMap's gcp_list.txt"
@@ -42,10 +43,9 @@ def parse_pixel(text: str) -> Pixel:
 def parse_clicks(text: str, name: str) -> list[PictureClick]:
     """The clicks of a file. InputFileError names the line and what is accepted."""
     text = text.removeprefix("\ufeff")
-    lines = text.splitlines()
-    header = next((line for line in lines if line.strip()), "").lower()
+    header = next((line for line in text.splitlines() if line.strip()), "").lower()
     is_csv = "file" in header and "," in header
-    clicks = list(_csv_clicks(text, name) if is_csv else _ground_control(lines, name))
+    clicks = list(_csv_clicks(text, name) if is_csv else _ground_control(text, name))
     if not clicks:
         raise InputFileError(f"{name}: it has no pixel; accepted: {ACCEPTED}")
     if len(clicks) > MOST_CLICKS:
@@ -70,21 +70,10 @@ def _csv_clicks(text: str, name: str) -> Iterator[PictureClick]:
         raise InputFileError(f"{name}: line {reader.line_num}: {error}; accepted: {ACCEPTED}") from None
 
 
-def _ground_control(lines: Sequence[str], name: str) -> Iterator[PictureClick]:
-    """X Y Z px py image [label]: a line of the coordinate system, then one line a sight; (px, py) from the corner.
-
-    Lines without label share one where their coordinates are the same: it is one point.
-    """
-    labels: dict[tuple[str, ...], str] = {}
-    content = [(i, line) for i, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
-    for number, line in content[1:]:
-        parts = re.split(r"\s+", line.strip())
-        where = f"{name}: line {number}"
-        if len(parts) < 6:
-            raise InputFileError(f"{where}: {line.strip()[:60]!r}; accepted: X Y Z px py image [label], or {ACCEPTED}")
-        label = parts[6] if len(parts) > 6 else labels.setdefault(tuple(parts[:3]), f"point {len(labels) + 1}")
-        click = _click(parts[5], parts[3], parts[4], label, where)
-        yield PictureClick(click.file, (click.pixel[0] - 0.5, click.pixel[1] - 0.5), label)
+def _ground_control(text: str, name: str) -> Iterator[PictureClick]:
+    for sight in control_sights(text, name, f"{LINE}, or {ACCEPTED}"):
+        click = _click(sight.file, *sight.pixel, sight.label, sight.where)
+        yield PictureClick(click.file, (click.pixel[0] - 0.5, click.pixel[1] - 0.5), sight.label)
 
 
 def _click(file: str | None, u: str | None, v: str | None, label: str, where: str) -> PictureClick:
