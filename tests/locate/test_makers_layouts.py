@@ -125,5 +125,5 @@ def test_locate_drawn_errors_are_within_the_claim(layout: str, tmp_path: Path) -
         cov = np.array(answer.cov)[:2, :2]
         squares.append(float(error[:2] @ np.linalg.inv(cov) @ error[:2]))
     total, inside = sum(squares), sum(square < chi2.ppf(0.9, 2) for square in squares)
-    assert chi2.ppf(0.0005, 600) < total < chi2.ppf(0.9995, 600) * 1.1  # 10 %: a ray's error is not linear
+    assert chi2.ppf(0.0005, 600) < total < chi2.ppf(0.9995, 600)
     assert binom.ppf(0.0005, 300, 0.9) <= inside <= binom.ppf(0.9995, 300, 0.9)
