@@ -205,6 +205,19 @@ def test_a_radio_slows_from_what_left_and_recovers_until_all_fits():
     assert backoff.bytes_per_s is None
 
 
+@pytest.mark.parametrize(
+    ("reports", "expected"),
+    [([70, 59], 0.85), ([70, 60], None), ([40, 55], None), ([100, 75, 74], None), ([60, 60], None)],
+)
+def test_radio_backoff_buffer_that_next_report_would_find_half_full_slows_now(reports, expected):
+    """A fall from 70 to 59 leaves 48 at the next report; a rise, or a fall that leaves 50, changes nothing."""
+    backoff = RadioBackoff()
+    for txbuf in reports[:-1]:
+        backoff.on_report(txbuf, None, 9000.0, T0)
+    backoff.on_report(reports[-1], 4000.0, 9000.0, T0)
+    assert backoff.bytes_per_s == (None if expected is None else pytest.approx(expected * 4000.0))
+
+
 def test_a_radio_that_is_silent_for_ten_seconds_is_gone():
     backoff = RadioBackoff()
     backoff.expire(at(99.0))
