@@ -105,7 +105,7 @@ class EventHandlers:
             if telemetry.clock.agreed:
                 self._components.timesync.agreed()
                 self._components.rates.open_gate(now)
-            if telemetry.clock.in_doubt:
+            if telemetry.clock.wants_more:
                 self._components.timesync.settle(now)
         elif isinstance(result, Outgoing) and self._live:
             self._outputs.messages.append(result)

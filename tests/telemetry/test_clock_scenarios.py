@@ -29,6 +29,16 @@ def test_002_drift(ppm):
     assert wire.errors[-1][2].skew == pytest.approx(ppm * 1e-6, abs=30e-6)
 
 
+def test_clock_behind_jitter_wants_more_exchanges_until_it_is_narrow_or_has_asked_often():
+    quiet, slow = constant(0.002), exponential(0.200)
+    assert not Wire(up=quiet, down=quiet).run(4.0).clock.wants_more
+    wire = Wire(up=slow, down=slow).run(10.0)
+    assert not wire.clock.in_doubt
+    assert wire.clock.wants_more
+    assert not wire.run(60.0, from_s=10.0).clock.wants_more
+    assert wire.errors[-1][2].sigma_s > 1e-3
+
+
 def test_003_asymmetric_delay_stays_inside_the_bound():
     """5 ms up, 25 ms down: nothing on this wire can show it. The error is 10 ms, the bound 15."""
     wire = Wire(up=constant(0.005), down=constant(0.025)).run(30.0)

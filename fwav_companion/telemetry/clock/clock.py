@@ -61,8 +61,13 @@ class Clock:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether more exchanges would help."""
+        """Whether the line may be another than the one in use."""
         return self._used.in_doubt
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether more exchanges a second would help."""
+        return self._used.wants_more
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """Host instant of an autopilot instant; NO_CLOCK while nothing is known."""

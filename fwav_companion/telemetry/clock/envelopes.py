@@ -27,6 +27,9 @@ HALVINGS = 6
 NEAREST = 8
 """Bounds that show how dense they lie at the edges of the band."""
 SHAPE = 0.5
+LIGHTER_TAILS = 1.3
+"""Factor on the variance for tails that are lighter than exponential: behind normal delays 0.7 of the error would be
+claimed, behind exponential ones 1.05."""
 STEPS = 26
 """Golden sections of the skew: of 4e-3 a few millionths are left, 1e-8."""
 GOLDEN = 0.6180339887498949
@@ -90,7 +93,8 @@ class Envelopes:
         var_skew = SHAPE * (below * below + above * above)
         low, high = (0.5 * sum(self._free(band.skew + step)) for step in (-below, above))
         turn = (high - low) / (below + above)
-        fixed = 0.5 * apart * apart + RESOLUTION_S**2
+        fixed = LIGHTER_TAILS * 0.5 * apart * apart + RESOLUTION_S**2
+        var_skew *= LIGHTER_TAILS
         return fixed + turn * turn * var_skew, turn * var_skew, var_skew
 
     def _spacing(self, band: Band) -> float:

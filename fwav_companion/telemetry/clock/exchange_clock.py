@@ -99,8 +99,13 @@ class ExchangeClock:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether more exchanges would help."""
-        return self._window is None or self._window.wants_more or bool(self._suspects)
+        """Whether the line may be another than the one in use."""
+        return self._window is None or self._window.in_doubt or bool(self._suspects)
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether more exchanges a second would help."""
+        return self.in_doubt or self._locked.is_wide
 
     def sigma_s(self, host_ns: HostNs) -> float:
         """One sigma of the offset, seconds, suspects included."""
@@ -206,6 +211,6 @@ class ExchangeClock:
             cov_offset_skew=fit[3],
             var_skew=fit[4],
             wander=window.wander,
-            var_bias=(0.5 * window.least_trip) ** 2 / 3.0,  # uniform in half of the least round trip either way
+            var_bias=(0.5 * window.least_delays) ** 2 / 3.0,  # uniform in half of the least round trip either way
         )
         return True

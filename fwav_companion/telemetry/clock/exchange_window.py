@@ -18,7 +18,7 @@ IN_AGREEMENT = 3
 MOST_KEPT, LEAST_KEPT = 64, 6
 WINDOW_S = 60.0
 RATE_SIGMA, CHANGED_RATE_SIGMA = 100e-6, 0.5
-"""One sigma of the rate before it is measured: of two crystals, and of a clock that was seen to change its rate."""
+"""Scale of the rate before it is measured: of two crystals, and of a clock that was seen to change its rate."""
 WANDER, CHANGED_WANDER = 2e-6, 1e-2
 """One sigma of the change of the rate since the newest exchange: temperature; a simulator under a varying load."""
 GATE_SIGMAS, GATE_S = 4.0, 1.5e-3
@@ -41,8 +41,12 @@ LEAST_FOR_BAND = 8
 """Number of exchanges from which their bounds show how dense they lie; before, the fit weighted by trips counts."""
 CERTAIN_SIGMAS = 5.0
 """Sigmas by which the rate of a few exchanges must lie beyond a crystal's."""
-ENOUGH = 20
-"""Number of exchanges in a fit from which one a second is enough."""
+ENOUGH, MOST_ASKED = 20, 200
+"""Number of exchanges in a fit from which one a second is enough, where they know the offset to NARROW_S; and in any
+case: a jitter of 60 ms is never known as well."""
+NARROW_S = 0.7e-3
+"""One sigma of the offset, s: behind a jitter of 10 ms each way, one exchange a second finds a rate of 600 ppm in 20 s,
+with errors of 2 ms on the way."""
 LEAST_APART_S = 0.08
 """Least time between two exchanges whose round trips limit the rate error."""
 NO_LINE: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -52,7 +56,7 @@ NO_LINE: Line = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 class ExchangeWindow:
     """At least three exchanges that agree, and the line through them."""
 
-    __slots__ = ("_band", "_fit_t", "_weighted", "changed", "fit", "is_bent", "kept", "segment_t")
+    __slots__ = ("_accepted", "_band", "_fit_t", "_weighted", "changed", "fit", "is_bent", "kept", "segment_t")
 
     def __init__(self, exchanges: list[Exchange], *, changed: bool) -> None:
         """``changed``: whether the rate may differ from a crystal's."""
@@ -63,6 +67,7 @@ class ExchangeWindow:
         """Beginning of the segment, or of the last change of its rate."""
         self.is_bent = False
         """Whether the line had to forget older exchanges at the newest one."""
+        self._accepted = len(exchanges)
         self._band: Band | None = None
         self._fit_t = exchanges[-1].t
         """Instant to which the fit refers."""
@@ -75,14 +80,24 @@ class ExchangeWindow:
         return self.kept[-1]
 
     @property
-    def wants_more(self) -> bool:
-        """Whether more exchanges a second would help."""
+    def in_doubt(self) -> bool:
+        """Whether the line is young, or had to change."""
         return self.changed or self.is_bent or len(self.kept) < ENOUGH
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether more exchanges a second would make the offset better known."""
+        return self._accepted < MOST_ASKED and self.fit[2] > NARROW_S**2
 
     @property
     def least_trip(self) -> float:
         """Least round trip of the exchanges in use."""
         return min([entry.trip for entry in self.kept])
+
+    @property
+    def least_delays(self) -> float:
+        """Least delays of both directions together: no exchange need have been fast both ways."""
+        return self.least_trip if self._band is None else max(0.0, self._band.width)
 
     @property
     def wander(self) -> float:
@@ -92,6 +107,7 @@ class ExchangeWindow:
     def accept(self, exchanges: list[Exchange]) -> None:
         """Fit these exchanges, the newest last."""
         self.kept = exchanges
+        self._accepted += 1
         if self.changed:
             self._settle()
         self._refit(self.fit)
@@ -199,7 +215,7 @@ class ExchangeWindow:
         return band
 
     def _rate_prior(self) -> tuple[float, float]:
-        """Mean and one sigma of the skew."""
+        """Mean and scale of the skew."""
         if self.changed:
             return _chord(self.kept), CHANGED_RATE_SIGMA
         # Many exchanges that show a rate widen the prior, which would hold a crystal at its edge back for ever.

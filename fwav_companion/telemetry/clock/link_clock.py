@@ -95,8 +95,13 @@ class LinkClock:
 
     @property
     def in_doubt(self) -> bool:
-        """Whether more exchanges would help."""
+        """Whether the line may be another than the one in use."""
         return self._exchanges.in_doubt or self._watch.departure_s > 0.0
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether more exchanges a second would help."""
+        return self.in_doubt or self._exchanges.wants_more
 
     @property
     def line(self) -> ClockLine | None:
