@@ -85,6 +85,22 @@ def test_a_recorded_flight_replays_to_the_output_of_run(site: Site):
     assert site.replayed(folder) == said
 
 
+def test_recorded_flight_with_a_station_that_floods_the_autopilot_replays_to_the_output_of_run(site: Site):
+    """2 kB in one frame after another, at 40 Hz: most exchanges have relayed bytes beside them."""
+    rtcm = dialect.MAVLink_gps_rtcm_data_message(flags=0, len=180, data=[1] * 180)
+    with site.service() as service, site.mock():
+        site.ground.listen(until="HEARTBEAT")
+        for _ in range(120):
+            for _ in range(10):
+                site.ground.send(rtcm)
+            site.ground.listen_during(0.025)
+        assert service.stop() == 0
+    (folder,) = site.recordings()
+    kept = (folder / "targets.jsonl").read_bytes()
+    assert kept.count(b'"type":"target"') > 20
+    assert site.replayed(folder) == kept
+
+
 def test_kill_9_leaves_files_that_read_and_all_but_the_last_second(site: Site):
     with site.service() as service, site.mock():
         wait_until_it_tracks(site)

@@ -6,7 +6,7 @@ that was due earlier, with the time at which it was due, so that the machine's l
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.identity import Identity
@@ -120,7 +120,7 @@ class Pipeline:
         """Handle a recorded message that the service itself sent: its TIMESYNC requests are read from it."""
         self.advance(now)
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
-            self._components.timesync.on_sent(message.fields.ts1, now)
+            self._components.timesync.on_sent(message.fields.ts1, now, message.foreign_bytes)
             self._components.telemetry.clock.on_request(now)
 
     def on_rate_requests(
@@ -136,6 +136,12 @@ class Pipeline:
                 rates.on_rate_request_passed(one.request.requester, now)
         self._due_is_known = False
         return rates.on_merged_requests([one.request for one in passed if one.merged], demanded, now)
+
+    def count_relayed(self, foreign_bytes: Callable[[], int]) -> None:
+        """Weight exchanges by the bytes of other systems that are relayed beside them: ``foreign_bytes`` gives their
+        number so far.
+        """
+        self._components.timesync.foreign_bytes = foreign_bytes
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
         """Set the highest rate that stations want, hertz by message id; it also changes when they fall silent."""

@@ -128,7 +128,7 @@ def make_pipeline(
     commands = Commands(handlers, require_signed=config.signing is not None, version=version_numbers())
     commands.system = config.vehicle.system_id
     commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
-    timesync = Timesync(component, bauds={link.name: link.baud for link in config.link if link.baud is not None})
+    timesync = Timesync(component, bauds=_bauds(config))
     rates = Rates(
         default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
         attitude_message=config.vehicle.attitude_message,
@@ -146,6 +146,16 @@ def make_pipeline(
         spots=spots,
     )
     return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def _bauds(config: Config) -> dict[str, int]:
+    """Baud rates of the serial links by name. In a recording, whose messages have no link, that of the autopilot's, if
+    it has one rate.
+    """
+    named = {link.name: link.baud for link in config.link if link.baud is not None}
+    autopilots = {link.baud for link in config.link if link.role == "autopilot"}
+    recorded = autopilots.pop() if len(autopilots) == 1 else None
+    return named if recorded is None else {"": recorded, **named}
 
 
 def make_camera(

@@ -14,6 +14,7 @@ import msgspec
 
 from fwav_companion.errors import EncodeError, InputFileError
 from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.foreign_bytes import ForeignBytes
 from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.pipeline.pipeline_factory import WANTED
 from fwav_companion.recording.flight_log import FlightLog
@@ -63,10 +64,10 @@ def read_telemetry(data: bytes) -> TelemetryRead:
     if not data:
         notes = [*notes, "it is empty"]
     messages: list[Timed] = []
-    scanner, latest_us = Scanner(datagrams=True), 0
+    scanner, foreign, latest_us = Scanner(datagrams=True), ForeignBytes(), 0
     for record in records:
         latest_us = max(latest_us, record.unix_us)
-        messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
+        messages.extend((latest_us, message) for message in _decoded(scanner, record.frame, foreign))
     rate = _clock_rate(messages)
     if SLOWEST_RATE <= rate <= FASTEST_RATE:
         return TelemetryRead(messages, skipped, notes, clock_rate=rate)
@@ -129,7 +130,7 @@ def of_log(
         except EncodeError:
             unfit += 1
             continue
-        messages.extend((boot_us + offset_us, message) for message in _decoded(scanner, frame))
+        messages.extend((boot_us + offset_us, message) for message in _decoded(scanner, frame, ForeignBytes()))
     start, end = longest_stretch([unix_us for unix_us, _ in messages])
     notes = [*notes, *log.complaints()]
     if end - start < len(messages):
@@ -139,7 +140,9 @@ def of_log(
     return TelemetryRead(messages[start:end], skipped, notes, exact_stamps=True)
 
 
-def _decoded(scanner: Scanner, data: bytes) -> Iterator[Message]:
+def _decoded(scanner: Scanner, data: bytes, foreign: ForeignBytes) -> Iterator[Message]:
+    """The wanted messages in these bytes; ``foreign`` counts all frames."""
     for frame in scanner.feed(data):
         if frame.definition is not None and frame.definition.name in WANTED:
-            yield decode(frame)
+            yield decode(frame, foreign=foreign)
+        foreign.add(frame.system, frame.data)

@@ -77,6 +77,8 @@ def make_parts(
         written=bool(config.record.directory),
     )
     signing = SigningStore(config, warn, wall_clock_is_synchronised)
+    node = make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns))
+    pipeline.count_relayed(lambda: node.foreign_bytes)
     return ServiceParts(
         config=config,
         log=log,
@@ -85,7 +87,7 @@ def make_parts(
         kept=kept,
         pipeline=pipeline,
         signing=signing,
-        node=make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns)),
+        node=node,
         journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock),
         arrivals=ArrivalCount(),
     )

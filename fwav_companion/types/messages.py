@@ -25,6 +25,8 @@ class Message(msgspec.Struct, frozen=True, gc=False):
     tuple. Arrays are tuples, text is str."""
     signed: bool = False
     """Whether the message carried a signature that was verified."""
+    foreign_bytes: int = 0
+    """Bytes of other systems' frames before a TIMESYNC, since the start of the receiver; 0 for all other messages."""
 
 
 class Destination(StrEnum):

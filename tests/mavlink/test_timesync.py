@@ -5,6 +5,7 @@ from collections import namedtuple
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from fwav_companion.mavlink.client.timesync import Ignored, NotTaken, Timesync
 from fwav_companion.types import Autopilot, AutopilotKind, ClockExchange, Destination, Message, Outgoing
@@ -194,10 +195,19 @@ def test_ardupilots_stamp_is_the_beginning_of_the_request_on_a_serial_line(round
 
 
 def test_bytes_relayed_beside_a_request_are_weighted_by_their_time_on_the_line(sync):
-    sent = iter([1000, 1000 + 28 + 13 + 1152])
-    sync.sent_bytes = lambda: next(sent)
-    exchange = sync.on_message(timesync(42 * S, request(sync)), T0 + 5 * MS)
-    assert exchange.beside_ns == pytest.approx(100 * MS, rel=1e-3)
+    sync.foreign_bytes = lambda: 1000
+    answer = replace(timesync(42 * S, request(sync)), foreign_bytes=1000 + 1152)
+    assert sync.on_message(answer, T0 + 5 * MS).beside_ns == pytest.approx(100 * MS, rel=1e-3)
+
+
+def test_bytes_beside_a_request_that_nothing_counted_or_of_px4_have_no_weight(sync):
+    answer = replace(timesync(42 * S, request(sync)), foreign_bytes=1152)
+    assert sync.on_message(answer, T0 + 5 * MS).beside_ns == 0
+    px4 = Timesync(191)
+    px4.adopt(replace(ARDUPILOT, kind=AutopilotKind.PX4), T0)
+    px4.foreign_bytes = lambda: 0
+    answer = replace(timesync(42 * S, request(px4)), foreign_bytes=1152)
+    assert px4.on_message(answer, T0 + 5 * MS).beside_ns == 0
 
 
 def test_after_a_reboot_old_requests_are_void_and_it_settles_again(sync):

@@ -30,8 +30,8 @@ UNANSWERED, ONE_WAY_INTERVAL_NS = 20, 10 * NS_PER_S
 HELD_BACK_NS, HELD_BACK_UNANSWERED_NS = 2 * NS_PER_S, NS_PER_S
 """Longest time for which our other requests wait for three exchanges that agree, and for a first answer: ArduPilot
 dates reception back by what it has not read, so the first exchange beside a burst of our own was 115 ms off."""
-REQUEST_BYTES, SIGNATURE_BYTES, BITS_A_BYTE = 28, 13, 10
-"""Bytes of a TIMESYNC frame without its signature, of a signature, and bits of a byte on a serial line."""
+REQUEST_BYTES, BITS_A_BYTE = 28, 10
+"""Bytes of a TIMESYNC frame without its signature, and bits of a byte on a serial line."""
 UNKNOWN_BAUD = 115200
 """Baud rate of the autopilot's own port behind UDP or TCP: a bridge or a radio."""
 MOST_CLOCK_NS = 2**63 - 1
@@ -74,8 +74,8 @@ class SentRequest(msgspec.Struct, gc=False):
     """A request that was sent."""
 
     sent_ns: HostNs
-    sent_bytes: int
-    """Bytes sent to the autopilot before it."""
+    foreign_bytes: int | None
+    """Bytes of other systems' frames before it; None where nothing counts them."""
     answered: list[str]
     """Links over which its answer came."""
 
@@ -96,8 +96,8 @@ class Timesync:
     ):
         """``bauds``: baud rates of the serial links, by name."""
         self._bauds = bauds or {}
-        self.sent_bytes: Callable[[], int] = int
-        """Number of bytes sent over the autopilot's links so far; relayed ones may date a request's reception back."""
+        self.foreign_bytes: Callable[[], int] | None = None
+        """Returns the bytes of other systems' frames so far, which are relayed to the autopilot; None: not counted."""
         self._component = component
         self._target_fields = target_fields
         self._counter = salt
@@ -160,21 +160,23 @@ class Timesync:
         if self._autopilot is None or self.wake_at is None or now < self.wake_at:
             return None
         ts1 = now + self._nonce()
-        self.on_sent(ts1, now)
+        self.on_sent(ts1, now, None if self.foreign_bytes is None else self.foreign_bytes())
         frequent = not self._answered or now < self._doubt_until_ns
         interval_ns = DOUBT_INTERVAL_NS if frequent else INTERVAL_NS
         self.wake_at = HostNs(now + (ONE_WAY_INTERVAL_NS if self.one_way else interval_ns))
         fields = {"tc1": 0, "ts1": ts1} | self._target(self._autopilot.system, self._autopilot.component)
         return Outgoing(name="TIMESYNC", fields=fields, to=Destination.AUTOPILOT, component=self._component)
 
-    def on_sent(self, ts1: int, now: HostNs) -> None:
-        """Note a request that left at ``now``: a replay takes it from the recording."""
+    def on_sent(self, ts1: int, now: HostNs, foreign_bytes: int | None = None) -> None:
+        """Note a request that left at ``now``: a replay takes it from the recording, with the ``foreign_bytes`` before
+        it.
+        """
         while self._outstanding:
             oldest = next(iter(self._outstanding))
             if len(self._outstanding) < MAX_OUTSTANDING and self._outstanding[oldest].sent_ns + EXPIRY_NS > now:
                 break
             del self._outstanding[oldest]
-        self._outstanding[ts1] = SentRequest(now, self.sent_bytes(), [])
+        self._outstanding[ts1] = SentRequest(now, foreign_bytes, [])
         self._requests += 1
         self._unanswered += 1
 
@@ -217,7 +219,10 @@ class Timesync:
     def _exchange(self, message: Message, request: SentRequest, now: HostNs) -> ClockExchange:
         """The exchange, with the times on the line by which its stamp may be early."""
         byte_ns = BITS_A_BYTE * NS_PER_S // self._bauds.get(message.link, UNKNOWN_BAUD)
-        beside = max(0, self.sent_bytes() - request.sent_bytes - REQUEST_BYTES - SIGNATURE_BYTES)
+        # Relayed bytes behind the request date its reception back on any autopilot but PX4, whose stamp is the reading.
+        px4 = self._autopilot is not None and self._autopilot.kind is AutopilotKind.PX4
+        counted = request.foreign_bytes is not None and not px4
+        beside = max(0, message.foreign_bytes - (request.foreign_bytes or 0)) if counted else 0
         request_ns = 0
         ardupilot = self._autopilot is not None and self._autopilot.kind is AutopilotKind.ARDUPILOT
         if ardupilot and message.link in self._bauds:

@@ -13,6 +13,7 @@ from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.link_reports import LinkReports
 from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
+from fwav_companion.mavlink.router.ration import rejection
 from fwav_companion.mavlink.router.reading import FrameReader
 from fwav_companion.mavlink.router.routing import SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
@@ -20,11 +21,12 @@ from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy,
 from fwav_companion.mavlink.router.station_rates import Why
 from fwav_companion.mavlink.router.statistics import StatisticsTaker
 from fwav_companion.mavlink.wire.definitions import BY_NAME
-from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1, MAV_RESULT_TEMPORARILY_REJECTED
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
+from fwav_companion.mavlink.wire.foreign_bytes import ForeignBytes
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
-from fwav_companion.types import Destination, Message, Notice, Outgoing
+from fwav_companion.types import Message, Notice, Outgoing
 from fwav_companion.types.network_status import LinkStatistics
 
 __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
@@ -95,7 +97,8 @@ class Node:
         self._ports = {port.name: port for port in self._router.ports}
         self._duplicates = Duplicates()
         self._acceptance = Acceptance(self._router, self._duplicates, self._sender.own_frames)
-        self._reader = FrameReader(self._router, self._acceptance, wanted)
+        self._foreign = ForeignBytes()
+        self._reader = FrameReader(self._router, self._acceptance, wanted, foreign=self._foreign)
         self._reports = LinkReports(self._router.ports)
         self._settle_ns: dict[str, HostNs] = {}
         self._release_ns: dict[str, HostNs] = {}
@@ -125,6 +128,11 @@ class Node:
     def demanded(self) -> Mapping[int, float]:
         """Highest rate, hertz, that stations on merging links request from the autopilot, by message id."""
         return self._router.merged.demanded
+
+    @property
+    def foreign_bytes(self) -> int:
+        """Bytes of the accepted frames of other systems than ours, since the start."""
+        return self._foreign.beside(self._router.system)
 
     def link_up(self, link: str) -> None:
         """Note that the link is connected, possibly to another peer than before."""
@@ -207,6 +215,7 @@ class Node:
         """
         received = Received([], [], frames)
         router, link, forward, read = self._router, port.index, received.forwards.append, self._reader.read
+        count = self._foreign.add
         has_key = self._keyring.has_key
         router.sweep(now)
         young, old = self._duplicates.generations(now)
@@ -237,6 +246,8 @@ class Node:
                     forward((name, data))
             if stream.watched and not read(port, frame, trust=trust, messages=received.messages, now=now):
                 dropped.append(frame)
+            else:
+                count(flow.system, data)
         if len(frames) > 1:
             received.forwards = coalesced(received.forwards)
         if dropped:
@@ -319,7 +330,7 @@ class Node:
                 port.stopped += 1
                 port.rationed += 1
                 port.rationed_sender = f"{request.system}/{request.component} {port.source}".rstrip()
-                received.forwards += self._reject(port, request, now)
+                received.forwards += self._reject(request, now)
                 return ()
             self._router.note(request, now)
             if request.once is None:
@@ -327,22 +338,9 @@ class Node:
                 received.rate_requests = [*received.rate_requests, passed]
         return outs
 
-    def _reject(self, port: Port, request: RateRequest, now: HostNs) -> list[tuple[str, bytes]]:
-        """Return the answer to a request beyond the ration; no answer exists for one by message."""
-        if request.command is None:
-            return []
-        fields = {
-            "command": request.command,
-            "result": MAV_RESULT_TEMPORARILY_REJECTED,
-            "progress": 0,
-            "result_param2": 0,
-            "target_system": request.system,
-            "target_component": request.component,
-        }
-        answer = Outgoing(
-            name="COMMAND_ACK", fields=fields, to=Destination.REPLY, component=self._companion, link=port.name
-        )
-        return self._sender.encode(answer, now)
+    def _reject(self, request: RateRequest, now: HostNs) -> list[tuple[str, bytes]]:
+        answer = rejection(request, self._companion)
+        return [] if answer is None else self._sender.encode(answer, now)
 
 
 def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:

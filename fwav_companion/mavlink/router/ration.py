@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.wire.enums import MAV_RESULT_TEMPORARILY_REJECTED
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
+from fwav_companion.types import Destination, Outgoing
 
 SOURCE_PER_S: Final = 2.0
 SOURCE_BURST: Final = 40.0
@@ -53,3 +56,20 @@ class Ration:
         bucket.left -= 1.0
         self._link.left -= 1.0
         return True
+
+
+def rejection(request: RateRequest, component: int) -> Outgoing | None:
+    """Return the answer of our ``component`` to a request beyond the ration; None for one by message, which has no
+    answer.
+    """
+    if request.command is None:
+        return None
+    fields = {
+        "command": request.command,
+        "result": MAV_RESULT_TEMPORARILY_REJECTED,
+        "progress": 0,
+        "result_param2": 0,
+        "target_system": request.system,
+        "target_component": request.component,
+    }
+    return Outgoing(name="COMMAND_ACK", fields=fields, to=Destination.REPLY, component=component, link=request.link)

@@ -12,6 +12,7 @@ from fwav_companion.mavlink.router.signing_policy import Trust
 from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.enums import MAV_TYPE_GCS
+from fwav_companion.mavlink.wire.foreign_bytes import ForeignBytes
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.types import Message
 
@@ -28,8 +29,9 @@ FOLLOWED: Final = RADIO_REPORTS | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid}
 class FrameReader:
     """Decodes the wanted messages, and follows stations, clocks and radios for the router."""
 
-    def __init__(self, router: Router, acceptance: Acceptance, wanted: Iterable[str]) -> None:
-        """``wanted``: names of the messages to decode."""
+    def __init__(self, router: Router, acceptance: Acceptance, wanted: Iterable[str], *, foreign: ForeignBytes) -> None:
+        """``wanted``: names of the messages to decode. ``foreign``: counts of the accepted frames."""
+        self._foreign = foreign
         self._router = router
         self._acceptance = acceptance
         self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
@@ -53,7 +55,7 @@ class FrameReader:
                 return True
             self._follow(port, frame, now)
         if flow.msgid in self._wanted:
-            messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
+            messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED, foreign=self._foreign))
         return True
 
     def on_radio(self, port: Port, frame: RawFrame, messages: list[Message], now: HostNs) -> None:

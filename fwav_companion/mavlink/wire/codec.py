@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from struct import Struct
 from typing import Any, Final
 
-from fwav_companion.mavlink.wire.definitions import Definition, definition_of
+from fwav_companion.mavlink.wire.definitions import BY_NAME, Definition, definition_of
+from fwav_companion.mavlink.wire.foreign_bytes import ForeignBytes
 from fwav_companion.mavlink.wire.frames import RawFrame, checksum
 from fwav_companion.mavlink.wire.payloads import PACK_ERRORS
 from fwav_companion.types import Message
@@ -14,11 +15,12 @@ from fwav_companion.types import Message
 _header: Final = Struct("<BBBBBB").pack
 """Length, incompat flags, compat flags, seq, system, component; the message id follows."""
 _u16: Final = Struct("<H").pack
+TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 
 
-def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
+def decode(frame: RawFrame, link: str = "", *, signed: bool = False, foreign: ForeignBytes | None = None) -> Message:
     """Return the message in a frame of a known id (ValueError for an unknown one). ``signed``: its signature was
-    verified.
+    verified. ``foreign``: counts of the frames before it.
 
     Text ends at its first NUL; bytes that are not UTF-8 become U+FFFD. Fields missing from a shorter payload are 0.
     """
@@ -27,7 +29,13 @@ def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
     if definition is None:
         raise ValueError(f"message id {flow.msgid} is not in the dialect: it cannot be decoded")
     return Message(
-        definition.name, flow.system, flow.component, link, fields=definition.unpack(frame.data), signed=signed
+        definition.name,
+        flow.system,
+        flow.component,
+        link,
+        fields=definition.unpack(frame.data),
+        signed=signed,
+        foreign_bytes=foreign.beside(flow.system) if foreign is not None and flow.msgid == TIMESYNC else 0,
     )
 
 
