@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from fwav_companion.geometry.hull import lower_hull
+
 BUCKET_S = 1.0
 """Length of a bucket, seconds: only its least difference can touch the line."""
 BUCKETS = 120
@@ -94,17 +96,3 @@ class ServerClock:
         (from_s, first_s), (to_s, last_s) = next((a, b) for a, b in pairwise(hull) if a[0] <= middle_s <= b[0])
         rate = (last_s - first_s) / (to_s - from_s)
         return (*lowest, 0.0) if abs(rate) > MOST_RATE else (from_s, first_s, rate)
-
-
-def lower_hull(points: list[Difference]) -> list[Difference]:
-    """The lower convex hull of points in the order of their first coordinate (Andrew 1979)."""
-    hull: list[Difference] = []
-    for point in points:
-        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
-            hull.pop()
-        hull.append(point)
-    return hull
-
-
-def _turns_right(a: Difference, b: Difference, c: Difference) -> bool:
-    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])

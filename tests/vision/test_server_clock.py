@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from fwav_companion.vision.server_clock import ServerClock, lower_hull
+from fwav_companion.geometry.hull import lower_hull
+from fwav_companion.vision.server_clock import ServerClock
 
 LATENCY_S = 0.12
 

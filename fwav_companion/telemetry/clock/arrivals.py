@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import sqrt
-from typing import TypeAlias
 
+from fwav_companion.geometry.hull import Point, lower_hull
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
 
@@ -51,8 +51,6 @@ TRUNCATION_NS = 500_000
 LEAST_DELAY_BOUND_S = 0.1
 """Bound of the least transport delay, s. It is an assumption, not a measurement: images cannot be paired over a link
 whose fastest message takes longer."""
-
-Point: TypeAlias = tuple[float, float]
 
 
 class ArrivalEnvelope:
@@ -204,16 +202,3 @@ class ArrivalEnvelope:
             return self.least_delay_sigma_s
         scatter = SLOW_LINK * self._scatter_s * (1.0 + SCATTER_SIGMAS / sqrt(max(1, self._windows)))
         return max(self.least_delay_sigma_s, scatter, SLOW_LINK / LATE_ARRIVALS * early_scatter)
-
-
-def lower_hull(points: Sequence[Point]) -> list[Point]:
-    """Lower convex hull of points in order of time."""
-    hull: list[Point] = []
-    for t, y in points:
-        while len(hull) > 1:
-            (ta, ya), (tb, yb) = hull[-2], hull[-1]
-            if (yb - ya) * (t - ta) < (y - ya) * (tb - ta):
-                break
-            hull.pop()
-        hull.append((t, y))
-    return hull

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from fwav_companion.geometry.hull import lower_hull
 from fwav_companion.telemetry.clock.exchange_fit import Exchange
 
 MEDIAN_OF_TWO = 1.678
@@ -33,8 +34,6 @@ claimed, behind exponential ones 1.05."""
 STEPS = 26
 """Golden sections of the skew: of 4e-3 a few millionths are left, 1e-8."""
 GOLDEN = 0.6180339887498949
-
-Point = tuple[float, float]
 
 
 class Band(NamedTuple):
@@ -71,7 +70,7 @@ class Envelopes:
         self._above = sorted((e.t + 0.5 * e.trip - end, e.offset + 0.5 * e.trip + e.beside) for e in exchanges)
         self._below = sorted((e.t - 0.5 * e.trip - end, 0.5 * e.trip + e.beside - e.offset) for e in exchanges)
         """Bounds from below, mirrored."""
-        self._upper, self._lower = _lower_hull(self._above), _lower_hull(self._below)
+        self._upper, self._lower = lower_hull(self._above), lower_hull(self._below)
         trips = sorted([e.trip for e in exchanges])
         self._tail = max(LEAST_TAIL_S, (trips[self._number // 2] - trips[0]) / MEDIAN_OF_TWO)
         self._skew, self._information = skew, 0.5 / (sigma * sigma)
@@ -151,16 +150,3 @@ def _maximum(of: Callable[[float], float], low: float, high: float) -> float:
             left = high - GOLDEN * (high - low)
             at_left = of(left)
     return 0.5 * (low + high)
-
-
-def _lower_hull(points: Sequence[Point]) -> list[Point]:
-    """Lower convex hull of points in order of time (Andrew 1979)."""
-    hull: list[Point] = []
-    for t, y in points:
-        while len(hull) >= 2:
-            (t1, y1), (t2, y2) = hull[-2], hull[-1]
-            if (t2 - t1) * (y - y1) > (y2 - y1) * (t - t1):
-                break
-            hull.pop()
-        hull.append((t, y))
-    return hull
