@@ -1,13 +1,12 @@
 """The messages of a fleet as JSON, schema 1, at most 64 kB each. Pure.
 
 Covariances are upper triangles (nn, ne, nd, ee, ed, dd) with three significant digits. Received bytes are checked: the
-result is one of these structs with finite numbers, or the reason why they are not a message.
+result is one of these structs with possible values, or the reason why they are not a message.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Annotated, TypeVar
 
 import msgspec
@@ -24,10 +23,22 @@ MAX_TRACKS_A_PART = 64
 BIAS_NAMES = ("position_north", "position_east", "position_down", "heading")
 DIGITS = 3
 
+MOST_BIAS_M = 1e4
+"""Largest effect of one sigma of a bias on a position, metres: the square root of the largest variance. Beyond it, the
+fusion's equations of a vehicle alone would be singular in double precision."""
+
 Triangle = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
-Row = Annotated[tuple[float, ...], Meta(max_length=16)]
+Derivative = Annotated[float, Meta(ge=-1e6, le=1e6)]
+"""Metres by metres or radians: the heading's is the distance."""
+Row = Annotated[tuple[Derivative, ...], Meta(max_length=16)]
+Sigma = Annotated[float, Meta(ge=0.0, le=1e4)]
 Word = Annotated[str, Meta(max_length=64)]
 Age = Annotated[float, Meta(ge=0.0, le=1e9)]
+Time = Annotated[float, Meta(ge=0.0, le=1e11)]
+Number = Annotated[int, Meta(ge=0, le=2**53)]
+"""A number that every reader of JSON keeps exactly."""
+Altitude = Annotated[float, Meta(ge=-1e4, le=1e5)]
+Speed = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
 
@@ -36,30 +47,30 @@ class VehicleBias(msgspec.Struct, frozen=True, kw_only=True):
     """A vehicle's own biases."""
 
     names: Annotated[tuple[Word, ...], Meta(max_length=16)] = BIAS_NAMES
-    sigma: Row = ()
+    sigma: Annotated[tuple[Sigma, ...], Meta(max_length=16)] = ()
     """One sigma of each bias, metres and radians."""
-    time_constant_s: float = 60.0
+    time_constant_s: Age = 60.0
     """Time constant of the position's bias, seconds."""
 
 
 class SharedTrack(msgspec.Struct, frozen=True, kw_only=True):
     """One track."""
 
-    track: Annotated[int, Meta(ge=0)]
+    track: Number
     label: Word = ""
     state: Word = ""
     lat: Latitude
     lon: Longitude
-    alt_amsl: float | None = None
+    alt_amsl: Altitude | None = None
     cov: Triangle
     """Covariance including every error source, m^2."""
     cov_shared: Triangle
     """Covariance of the errors that other vehicles may share: terrain, target height, GNSS, m^2."""
     bias_jacobian: Annotated[tuple[Row, ...], Meta(min_length=3, max_length=3)]
     """d(position)/d(bias): north, east and down by the biases."""
-    vel: Annotated[tuple[float, ...], Meta(min_length=3, max_length=3)] | None = None
+    vel: Annotated[tuple[Speed, ...], Meta(min_length=3, max_length=3)] | None = None
     vel_cov: Triangle | None = None
-    last_seen_s: float = 0.0
+    last_seen_s: Annotated[float, Meta(ge=-1e9, le=1e9)] = 0.0
     """Seconds since its last fix."""
 
 
@@ -68,9 +79,9 @@ class TracksMessage(msgspec.Struct, frozen=True, kw_only=True):
 
     schema: int = SCHEMA
     vehicle: Word
-    time_unix: float
+    time_unix: Time
     """UTC, seconds."""
-    seq: Annotated[int, Meta(ge=0)]
+    seq: Number
     part: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
     parts: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
     session: Word = ""
@@ -84,12 +95,12 @@ class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
 
     schema: int = SCHEMA
     vehicle: Word
-    time_unix: float
+    time_unix: Time
     session: Word = ""
     lat: Latitude | None = None
     lon: Longitude | None = None
-    alt_amsl: float | None = None
-    heading_deg: float | None = None
+    alt_amsl: Altitude | None = None
+    heading_deg: Annotated[float, Meta(ge=-360, le=360)] | None = None
     armed: bool = False
     ready: bool = False
     trouble: Annotated[str, Meta(max_length=300)] = ""
@@ -163,7 +174,9 @@ def encoded(message: TracksMessage | FusedMessage) -> list[bytes]:
 
 
 def decoded(data: bytes, kind: type[AnyMessage]) -> AnyMessage | str:
-    """The message, or the reason why it is refused: oversized, malformed, another schema, or not finite."""
+    """The message, or the reason why it is refused: oversized, malformed (also with an impossible value), or another
+    schema.
+    """
     if len(data) > MAX_BYTES:
         return "oversized"
     try:
@@ -174,8 +187,8 @@ def decoded(data: bytes, kind: type[AnyMessage]) -> AnyMessage | str:
         return "another schema"
     if isinstance(message, TracksMessage):
         fine = message.part <= message.parts and all(_is_sound(track, message.bias) for track in message.tracks)
-        return message if fine and isfinite(message.time_unix) else "malformed"
-    return message if isfinite(message.time_unix) else "malformed"
+        return message if fine else "malformed"
+    return message
 
 
 def _is_sound(track: SharedTrack, bias: VehicleBias) -> bool:
@@ -183,9 +196,14 @@ def _is_sound(track: SharedTrack, bias: VehicleBias) -> bool:
     width = len(bias.names)
     if len(bias.sigma) != width or any(len(row) != width for row in track.bias_jacobian):
         return False
-    return _is_covariance(track.cov) and _is_covariance(track.cov_shared)
+    for row in track.bias_jacobian:
+        if any(abs(each) * sigma > MOST_BIAS_M for each, sigma in zip(row, bias.sigma, strict=True)):
+            return False
+    return all(map(_is_covariance, (track.cov, track.cov_shared, *filter(None, (track.vel_cov,)))))
 
 
 def _is_covariance(values: Sequence[float]) -> bool:
-    nn, ne, _, ee, _, dd = values
-    return min(nn, ee, dd) >= 0.0 and max(nn, ee, dd) < 1e8 and ne * ne <= 1.02 * nn * ee  # three digits round
+    nn, ne, nd, ee, ed, dd = values
+    if min(nn, ee, dd) < 0.0 or max(nn, ee, dd) >= MOST_BIAS_M**2:
+        return False
+    return all(each * each <= 1.02 * a * b for each, a, b in ((ne, nn, ee), (nd, nn, dd), (ed, ee, dd)))  # rounded

@@ -22,18 +22,18 @@ LINE: Final = 120
 
 
 class WaitingConnections:
-    """Closes connections that send no whole request: after REQUEST_S, and the newest of too many."""
+    """Closes connections that send no request that is answered: after REQUEST_S, and the newest of too many."""
 
     def __init__(self, server: web.Server, clock: Callable[[], float]) -> None:
         """``clock``: seconds that never go back."""
         self._server, self._clock = server, clock
         self._since_s: dict[Any, float] = {}
-        """First sight of each open connection without a request so far."""
+        """First sight of each open connection without an answered request so far."""
         self._served: set[Any] = set()
-        """Open connections that have sent a request."""
+        """Open connections that have sent a request that was not refused."""
 
     def on_request(self, request: web.Request) -> None:
-        """Note that a connection has sent a whole request."""
+        """Note that a connection has sent a whole request that is not refused."""
         self._served.add(request.protocol)
 
     def sweep(self) -> None:

@@ -65,6 +65,11 @@ class SilenceTexts:
         """Leave a part's silence to the vehicle's own texts, which have reported it and will report its return."""
         self._by_vehicle.setdefault(vehicle, set()).add(part)
 
+    def forget(self, vehicle: str) -> None:
+        """Forget what was said of a vehicle that is no longer shown."""
+        for kept in (self._said, self._by_vehicle, self._back_unix):
+            kept.pop(vehicle, None)
+
     def due(self, vehicle: VehicleView, now: float) -> list[tuple[str, bool]]:
         """(text, whether it is a warning) of each change that is to be reported now."""
         said = self._said.get(vehicle.id, NOTHING_SAID)

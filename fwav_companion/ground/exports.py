@@ -70,8 +70,8 @@ def kml(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> bytes
     parts = ['<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>']
     parts.append("<name>fwav-companion</name>")
     for target in targets:
-        name = escape(f"{target.label or 'target'} {target.id}")
-        said = escape("; ".join(f"{key}: {value}" for key, value in _row(target).items() if value not in (None, "")))
+        name = _xml(f"{target.label or 'target'} {target.id}")
+        said = _xml("; ".join(f"{key}: {value}" for key, value in _row(target).items() if value not in (None, "")))
         place = f"{target.lon:.8f},{target.lat:.8f},{target.alt_amsl or 0.0:.2f}"
         parts.append(f"<Placemark><name>{name}</name><description>{said}</description>")
         if target.ellipse is None:
@@ -85,7 +85,7 @@ def kml(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> bytes
     for vehicle in vehicles:
         if vehicle.lat is not None and vehicle.lon is not None:
             place = f"{vehicle.lon:.8f},{vehicle.lat:.8f},{vehicle.alt_amsl or 0.0:.2f}"
-            name = escape(f"vehicle {vehicle.id}")
+            name = _xml(f"vehicle {vehicle.id}")
             when = f"<TimeStamp><when>{_utc(_placed_unix(vehicle))}</when></TimeStamp>"
             point = f"<Point><coordinates>{place}</coordinates></Point>"
             parts.append(f"<Placemark><name>{name}</name>{when}{point}</Placemark>")
@@ -229,6 +229,11 @@ def _rounded(value: float | None) -> float | None:
 
 def _utc(unix_s: float) -> str:
     return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _xml(text: str) -> str:
+    """Escaped text; spaces for characters that XML 1.0 does not allow: labels and names come from strangers."""
+    return escape("".join(character if character.isprintable() else " " for character in text))
 
 
 def _inert(value: Any) -> Any:

@@ -21,6 +21,8 @@ CLOCK_OFF_S = 2.0
 LONGEST_DELAY_S = 5.0
 SESSION_S = 5.0
 """Silence after which another sender may use a vehicle's name, seconds."""
+FORGOTTEN_S = 60.0
+"""Silence after which another vehicle may take a sender's place, if no place is free, seconds."""
 REPEAT_S = 60.0
 """Least time between two reports of one kind about one vehicle."""
 
@@ -43,6 +45,8 @@ class FleetSender:
     session: str
     heard_unix: float
     seq: int = -1
+    seq_unix: float = 0.0
+    """Instant at which the newest message was complete."""
     parts: dict[int, tuple[SharedTrack, ...]] = field(default_factory=dict)
     parts_seq: int = -1
     offsets: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS_KEPT))
@@ -82,7 +86,8 @@ class FleetIntake:
         sender = self._sender(vehicle, message.session, now)
         if sender is None:
             return None
-        if message.seq <= sender.seq:
+        # One forged or damaged number must not outdate a vehicle's messages for good.
+        if message.seq <= sender.seq and now <= sender.seq_unix + SESSION_S:
             self.refused["late"] += 1
             return None
         if message.seq != sender.parts_seq:
@@ -92,7 +97,7 @@ class FleetIntake:
         self._check_clock(vehicle, sender, now)
         if len(sender.parts) < message.parts:
             return None
-        sender.seq = message.seq
+        sender.seq, sender.seq_unix = message.seq, now
         tracks = tuple(track for part in sorted(sender.parts) for track in sender.parts[part])
         sender.parts = {}
         return WholeReport(vehicle, now - delay_s, message.bias, tracks)
@@ -110,7 +115,7 @@ class FleetIntake:
         """The sender of a vehicle; None for a second sender with its name, and if there is no room for another."""
         sender = self._senders.get(vehicle)
         if sender is None or (sender.session != session and now > sender.heard_unix + SESSION_S):
-            if sender is None and len(self._senders) >= MAX_VEHICLES:
+            if sender is None and len(self._senders) >= MAX_VEHICLES and not self._made_room(now):
                 self._refuse(vehicle, f"more than {MAX_VEHICLES} vehicles", now)
                 return None
             sender = self._senders[vehicle] = FleetSender(session, now)
@@ -121,6 +126,14 @@ class FleetIntake:
             return None
         sender.heard_unix = now
         return sender
+
+    def _made_room(self, now: float) -> bool:
+        """Forget the sender that has been silent for longest; false if none has been silent for FORGOTTEN_S."""
+        name = min(self._senders, key=lambda each: self._senders[each].heard_unix)
+        if now <= self._senders[name].heard_unix + FORGOTTEN_S:
+            return False
+        del self._senders[name]
+        return True
 
     def _check_clock(self, vehicle: str, sender: FleetSender, now: float) -> None:
         off_s = sender.clock_offset_s

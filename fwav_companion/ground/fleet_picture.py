@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from math import isfinite
 
 import numpy as np
 
@@ -12,8 +11,8 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.ground.covariances import ellipse_of
-from fwav_companion.ground.fleet_intake import FleetIntake
-from fwav_companion.ground.fusion.fleet_fusion import FleetFusion
+from fwav_companion.ground.fleet_intake import FleetIntake, WholeReport
+from fwav_companion.ground.fusion.fleet_fusion import FRESH_S, FleetFusion
 from fwav_companion.ground.fusion.fused_targets import FusedTarget
 from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, ReportedTrack
 from fwav_companion.ground.picture import GroundPicture, readiness_fields, targets_of
@@ -41,6 +40,8 @@ class FleetPicture:
         self._intake = FleetIntake()
         self._fusion = FleetFusion()
         self._plane: TangentPlane | None = None
+        self._outside: dict[str, float] = {}
+        """Instant of the newest report of each vehicle whose tracks are all out of the plane's reach."""
         self._due_unix = 0.0
         self._seq = 0
 
@@ -54,8 +55,10 @@ class FleetPicture:
             return
         self._picture.on_vehicle(vehicle, now, heard={"companion": now})
         sigmas = _sigmas(report.bias)
-        tracks = [self._reported(vehicle, track, report.bias, report.at_unix) for track in report.tracks]
-        self._fusion.on_tracks(vehicle, [track for track in tracks if track is not None], sigmas, now)
+        tracks = self._tracks(report)
+        if report.tracks and not tracks and self._moves_to(report, now):
+            tracks = self._tracks(report)
+        self._fusion.on_tracks(vehicle, tracks, sigmas, now)
 
     def on_alive(self, vehicle: str, there: bool, now: float) -> None:
         """Process a change of a vehicle's liveliness token on the bus."""
@@ -73,9 +76,13 @@ class FleetPicture:
             self._due_unix = now + STEP_S
             self._running = self._fusion.slices(now)
         ends_s = self._cpu_s() + TURN_S
-        for _ in self._running:
-            if self._cpu_s() >= ends_s:
-                return None
+        try:
+            for _ in self._running:
+                if self._cpu_s() >= ends_s:
+                    return None
+        except Exception:
+            self._start_anew()  # what it holds may be the cause, and it would fail at each step
+            raise
         self._running = None
         for vehicle, text in self._intake.take_texts():
             self._picture.say(vehicle, text, now, severity=WARNING)
@@ -88,6 +95,34 @@ class FleetPicture:
     def is_stepping(self) -> bool:
         """Whether a step is not done."""
         return self._running is not None
+
+    def _start_anew(self) -> None:
+        self._running, self._fusion, self._plane = None, FleetFusion(), None
+
+    def _tracks(self, report: WholeReport) -> list[ReportedTrack]:
+        """The tracks of a report that are within the plane's reach."""
+        tracks = [self._reported(report.vehicle, track, report.bias, report.at_unix) for track in report.tracks]
+        return [track for track in tracks if track is not None]
+
+    def _moves_to(self, report: WholeReport, now: float) -> bool:
+        """Report a vehicle all of whose tracks are out of reach, and move the plane there if most vehicles are.
+
+        The first place that was ever reported may be a wrong one.
+        """
+        is_new = report.vehicle not in self._outside
+        self._outside[report.vehicle] = now
+        self._outside = {name: at for name, at in self._outside.items() if now <= at + FRESH_S}
+        inside = [name for name in self._fusion.vehicles if name not in self._outside]
+        if len(self._outside) > len(inside):
+            self._start_anew()
+            self._outside = {}
+            return True
+        text = (
+            f"its targets are over {LARGEST_REACH_M / 1000.0:.0f} km from the others and left out. Check its position"
+        )
+        if is_new:
+            self._picture.say(report.vehicle, text, now, severity=WARNING)
+        return False
 
     def _on_state(self, vehicle: str, data: bytes, now: float) -> None:
         received = self._intake.on_state(vehicle, data, now)
@@ -121,11 +156,9 @@ class FleetPicture:
         for index, name in enumerate(bias.names):
             if name in USED_BIASES:
                 jacobian[:, USED_BIASES[name]] = rows[:, index]
-        if not np.isfinite(jacobian).all():
-            return None
         own = jacobian @ np.diag(_sigmas(bias) ** 2) @ jacobian.T
         velocity = None
-        if track.vel is not None and all(isfinite(each) for each in track.vel):
+        if track.vel is not None:
             velocity = np.array(track.vel[:2], float)
         return ReportedTrack(
             vehicle=vehicle,
@@ -219,8 +252,8 @@ def _sigmas(bias: VehicleBias) -> Array:
     """One sigma of each bias that the fusion estimates."""
     sigmas = np.zeros(BIASES)
     for name, sigma in zip(bias.names, bias.sigma, strict=True):
-        if name in USED_BIASES and isfinite(sigma):
-            sigmas[USED_BIASES[name]] = abs(sigma)
+        if name in USED_BIASES:
+            sigmas[USED_BIASES[name]] = sigma
     return sigmas
 
 

@@ -16,6 +16,7 @@ from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.server import PageServer, PageSettings
 from fwav_companion.ground.tiles import TileFile
 from fwav_companion.service.board import board_name, wall_clock_is_synchronised
+from fwav_companion.service.fault_log import FaultLog
 
 TICK_S = 0.1
 
@@ -89,6 +90,7 @@ class GroundProcess:
     ) -> None:
         """``clock``: time of the picture: that of this process, or of the replayed recording."""
         self._picture, self._inputs, self._clock, self._tiles = picture, inputs, clock, tiles
+        self._faults = FaultLog()
         self._server = PageServer(
             picture,
             access_rules(options),
@@ -107,16 +109,14 @@ class GroundProcess:
 
     async def run(self, stop: asyncio.Event, ready: Callable[[], None]) -> None:
         """Serve until ``stop``. ``ready`` is called once the page can be opened. OSError where it cannot listen."""
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: self._faults.faulted(context))
         await self._server.start()
         try:
             for each in self._inputs:
                 each.start()
             ready()
             while not stop.is_set():
-                now = self._clock()
-                for each in self._inputs:
-                    each.tick(now)
-                self._picture.advance(now)
+                self._tick(self._clock())
                 await _first_of(stop, TICK_S)
         finally:
             for each in self._inputs:
@@ -124,6 +124,14 @@ class GroundProcess:
             await self._server.close()
             if self._tiles is not None:
                 self._tiles.close()
+
+    def _tick(self, now: float) -> None:
+        """Let each input do what is due. An internal fault is logged and counted, and ends nothing."""
+        for work in (*(each.tick for each in self._inputs), self._picture.advance):
+            try:
+                work(now)
+            except Exception as error:  # noqa: BLE001 (none may end the page, whatever a stranger has sent)
+                self._faults.faulted({"message": "of an input of the picture", "exception": error})
 
 
 def utc_ns() -> int | None:

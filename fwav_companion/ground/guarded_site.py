@@ -20,6 +20,9 @@ from fwav_companion.ground.tiles import TileFile
 
 MAX_REQUEST_BYTES = 4096
 MAX_HEADER_BYTES = 8190
+IDLE_S = 15.0
+"""Longest time for which an answered connection waits for its next request, seconds. The library's default is an hour:
+strangers could hold as many connections as this process may open files."""
 
 Handler: TypeAlias = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -56,8 +59,8 @@ class GuardedSite:
             application.router.add_post(path, handler)
         self._runner = web.AppRunner(
             application, access_log=None, logger=QuietLog(logging.getLogger("fwav_companion.ground")),
-            max_line_size=MAX_HEADER_BYTES, max_field_size=MAX_HEADER_BYTES, shutdown_timeout=0.5,
-            handle_signals=False,
+            max_line_size=MAX_HEADER_BYTES, max_field_size=MAX_HEADER_BYTES, keepalive_timeout=IDLE_S,
+            shutdown_timeout=0.5, handle_signals=False,
         )  # fmt: skip
         await self._runner.setup()
         try:
@@ -79,13 +82,14 @@ class GuardedSite:
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Answer, or refuse by the access rules; every answer has the security headers."""
-        if self._waiting is not None:
-            self._waiting.on_request(request)
         token = request.query.get("token", "")
         refusal = self._rules.refusal(request.headers, token, request.cookies.get(COOKIE, ""))
         if refusal is not None:
             response: web.StreamResponse = web.Response(status=403, text=refusal + "\n")
+            response.force_close()  # a stranger keeps no connection
         else:
+            if self._waiting is not None:
+                self._waiting.on_request(request)
             try:
                 response = await handler(request)
             except web.HTTPException as error:

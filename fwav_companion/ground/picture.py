@@ -26,7 +26,7 @@ MAX_REMOVED = 2 * MAX_TARGETS
 MAX_TEXT = 200
 """Most characters of a text that are kept."""
 GONE_S = 60.0
-"""Time after which a lost or dropped target disappears."""
+"""Time after which a lost or dropped target disappears, and after which a silent vehicle may yield its place."""
 FORGOTTEN_S = 1800.0
 """Time without a report after which any target disappears."""
 REPEAT_S = 10.0
@@ -49,7 +49,7 @@ class GroundPicture:
     def __init__(self) -> None:
         self.revision = 0
         self.refused = 0
-        """Number of vehicles and targets for which there was no room."""
+        """Number of reports of vehicles and targets for which there was no room."""
         self._vehicles: dict[str, VehicleView] = {}
         self._targets: dict[str, TargetView] = {}
         self._texts: deque[TextView] = deque(maxlen=MAX_TEXTS)
@@ -57,6 +57,10 @@ class GroundPicture:
         self._removed: deque[tuple[int, str]] = deque(maxlen=MAX_REMOVED)
         self._forgotten_revision = 0
         self._covered: frozenset[str] = frozenset()
+        self._first_unix: dict[str, float] = {}
+        """Instant of each vehicle's first message."""
+        self._appeared = 0
+        """Number of vehicles that have appeared."""
         self._paths: dict[str, deque[PastPoint]] = {}
         self._histories: dict[str, deque[PastPoint]] = {}
         self._reported: dict[str, float] = {}
@@ -75,10 +79,13 @@ class GroundPicture:
         """
         known = self._vehicles.get(vehicle)
         if known is None:
-            if len(self._vehicles) >= MAX_VEHICLES:
+            if len(self._vehicles) >= MAX_VEHICLES and not self._forgot_vehicle(now):
                 self.refused += 1
+                self._source_full()
                 return
-            known = VehicleView(id=vehicle, number=len(self._vehicles), heard_unix=now)
+            known = VehicleView(id=vehicle, number=self._appeared, heard_unix=now)
+            self._appeared += 1
+            self._first_unix[vehicle] = now
             self.say(vehicle, "heard for the first time", now, severity=NOTICE)
         instants = dict(known.heard)
         for name, at in (heard or {}).items():
@@ -98,6 +105,7 @@ class GroundPicture:
         known = self._targets.get(target.id)
         if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
             self.refused += 1
+            self._source_full()
             return
         if known is not None and _knows_more(known, target, now - self._reported[target.id]):
             return
@@ -210,6 +218,25 @@ class GroundPicture:
             return False
         self.remove_target(ended)
         return True
+
+    def _forgot_vehicle(self, now: float) -> bool:
+        """Forget one vehicle that has been silent for GONE_S; false if none has.
+
+        It is the one that was heard for the shortest time: the last place of a vehicle that flew is what is searched.
+        """
+        gone = [each for each in self._vehicles.values() if now > each.heard_unix + GONE_S]
+        if not gone:
+            return False
+        shortest = min(gone, key=lambda each: each.heard_unix - self._first_unix[each.id])
+        for kept in (self._vehicles, self._paths, self._first_unix):
+            kept.pop(shortest.id, None)
+        self._silences.forget(shortest.id)
+        self._forgotten_revision = self._next()  # an update does not list vehicles that are gone
+        return True
+
+    def _source_full(self) -> None:
+        text = f"full: at most {MAX_VEHICLES} vehicles and {MAX_TARGETS} targets; {self.refused} reports were left out"
+        self.on_source("picture", works=False, text=text)
 
     def _next(self) -> int:
         self.revision += 1

@@ -77,7 +77,7 @@ class ReplayReader:
             try:
                 line = msgspec.json.decode(data)
                 at = line_unix_s(line, self._lines.offset_s)
-            except (msgspec.MsgspecError, KeyError, TypeError, AttributeError):
+            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, KeyError, TypeError, AttributeError):
                 if newest is None:
                     return
                 continue  # a line that a power cut has shortened

@@ -71,7 +71,7 @@ class StatusReader:
             except (OSError, aiohttp.ClientError, TimeoutError) as error:
                 why = getattr(error, "strerror", None) or str(error) or type(error).__name__
                 self._picture.on_source(self._where, works=False, text=f"not readable: {why}")
-            except msgspec.MsgspecError:
+            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                 self._on_strange()
             else:
                 await self._take(status) if status is not None else self._on_strange()

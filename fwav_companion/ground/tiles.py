@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from math import isfinite
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,6 +16,10 @@ MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/
 ACCEPTED = "accepted: an MBTiles file with PNG, JPEG or WebP tiles"
 MAX_TILE_BYTES = 4_000_000
 MAX_ZOOM = 24
+MOST_STEPS = 100_000_000
+"""Most instructions of SQLite in one query: some seconds of work. A file may define tables that never end."""
+STEPS = 100_000
+"""Instructions between two looks at their number."""
 
 
 class TilesInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,9 +42,11 @@ class TileFile:
             self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
         except sqlite3.Error as error:
             raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
+        self._database.set_progress_handler(self._exceeds, STEPS)
+        self._steps = 0
         try:
             self.info = _info(self._database)
-        except (sqlite3.Error, LookupError) as error:
+        except (sqlite3.Error, LookupError, ValueError, TypeError, OverflowError) as error:
             self.close()
             raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
 
@@ -47,14 +54,23 @@ class TileFile:
         """Type and bytes of a tile in XYZ numbering; None where the file has none. MBTiles counts rows from south."""
         if not (0 <= zoom <= MAX_ZOOM and 0 <= column < 1 << zoom and 0 <= row < 1 << zoom):
             return None
-        found = self._database.execute(
-            "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
-            (zoom, column, (1 << zoom) - 1 - row),
-        ).fetchone()
+        self._steps = 0
+        try:
+            found = self._database.execute(
+                "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+                (zoom, column, (1 << zoom) - 1 - row),
+            ).fetchone()
+        except sqlite3.Error:  # a damaged page, or a query without an end
+            return None
         if found is None or not isinstance(found[0], bytes) or len(found[0]) > MAX_TILE_BYTES:
             return None
         kind = next((mime for start, mime in MIME.items() if found[0].startswith(start)), None)
         return None if kind is None else (kind, found[0])
+
+    def _exceeds(self) -> bool:
+        """Count the instructions of a query; true ends it."""
+        self._steps += STEPS
+        return self._steps > MOST_STEPS
 
     def close(self) -> None:
         """Release the file."""
@@ -90,4 +106,4 @@ def _bounds(text: str) -> tuple[float, ...]:
         values = tuple(float(each) for each in text.split(","))
     except ValueError:
         return ()
-    return values if len(values) == 4 else ()
+    return values if len(values) == 4 and all(map(isfinite, values)) else ()

@@ -38,7 +38,7 @@ def read_state(path: Path, decode: Callable[[bytes], T], on_failure: Callable[[s
         if len(content) > MOST_BYTES:
             raise ImplausibleStateError(f"more than {MOST_BYTES // 1024} KiB")
         return decode(content)
-    except (msgspec.DecodeError, ImplausibleStateError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, ImplausibleStateError, UnicodeDecodeError, RecursionError) as error:
         on_failure(f"{path} is not used: {error}; {_set_aside(path)}")
         return None
 

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from fwav_companion.config import Config
+from fwav_companion.service.fault_log import FaultLog
 from fwav_companion.types import Notice, Severity
 from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.task import shown_source
 from fwav_companion.vision.wall_clock import ClockStep
 
 log = logging.getLogger("fwav_companion")
-
-FAULT_LINE_S = 1.0
-"""Shortest time between two lines about internal faults: one that every message repeats would fill the disk."""
 
 _LEVELS = {
     Severity.INFO: logging.INFO,
@@ -31,10 +28,7 @@ class ServiceLog:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self.faults = 0
-        """Number of internal faults so far."""
-        self._faulted_s = 0.0
-        """Time of the last line about one."""
+        self._faults = FaultLog()
         self.deaf_because = ""
         """Why detections cannot be received; "" while they can."""
 
@@ -90,15 +84,14 @@ class ServiceLog:
         """Log a step of the wall clock."""
         log.warning("the wall clock was set by %+.3f s: no effect on this service", step.size_s)
 
+    @property
+    def faults(self) -> int:
+        """Number of internal faults so far."""
+        return self._faults.count
+
     def faulted(self, context: Mapping[str, object]) -> None:
-        """Log an internal fault from the event loop: the first with its trace, later ones in one line a second."""
-        self.faults += 1
-        error, now_s = context.get("exception"), time.monotonic()
-        if self.faults > 1 and now_s - self._faulted_s < FAULT_LINE_S:
-            return
-        self._faulted_s = now_s
-        trace = error if isinstance(error, BaseException) and self.faults == 1 else None
-        log.error("internal fault %d: %s %r", self.faults, context.get("message"), error, exc_info=trace)
+        """Log an internal fault from the event loop."""
+        self._faults.faulted(context)
 
 
 def _with_advice(why: str) -> str:

@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
@@ -29,7 +30,8 @@ MOST_WATCHERS = 4
 MOST_CONNECTIONS = 8
 """Most connections, each with a thread, before and after their requests: a browser opens one or two in advance."""
 SEND_S = 5.0
-"""Longest time for a browser to take a picture; then it is disconnected."""
+"""Longest time for a browser to take a picture, and from its connection to its request with the token; then it is
+disconnected."""
 WAIT_S = 2.0
 """Longest wait for a picture; the last one is sent again then, which shows whether the browser is still there."""
 ANSWER_S = 0.1
@@ -127,19 +129,45 @@ class _Server(ThreadingHTTPServer):
             self.address_family = socket.AF_INET6
         super().__init__(address, handler)
         self._connections = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        self._waiting: dict[socket.socket, float] = {}
+        """Start of each connection that has not sent the token, the oldest first, seconds."""
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer a connection in a thread of its own; close it where there are MOST_CONNECTIONS already."""
-        if self._connections.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
+        """Answer a connection in a thread of its own; where there are MOST_CONNECTIONS, the oldest without the token
+        is closed for it, so that strangers keep no browser out.
+        """
+        if not self._connections.acquire(blocking=False):
+            for oldest in list(self._waiting)[:1]:
+                self._end(oldest)
+            if not self._connections.acquire(timeout=ANSWER_S):
+                self.shutdown_request(request)
+                return
+        self._waiting[request] = time.monotonic()
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """Close the connections that have not sent the token in SEND_S; called twice a second."""
+        now_s = time.monotonic()
+        for request, since_s in list(self._waiting.items()):
+            if now_s > since_s + SEND_S:
+                self._end(request)
+
+    def on_token(self, request: Any) -> None:
+        """Keep a connection that has sent the token."""
+        self._waiting.pop(request, None)
+
+    def _end(self, request: socket.socket) -> None:
+        """Let the thread of a connection read its end."""
+        self._waiting.pop(request, None)
+        with suppress(OSError):  # the browser has closed it already
+            request.shutdown(socket.SHUT_RDWR)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Answer a connection to its end."""
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self._waiting.pop(request, None)
             self._connections.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -153,7 +181,10 @@ def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:
         def do_GET(self) -> None:
             if not preview.accepts(self.path):
                 self.send_error(404)
-            elif not preview.enter():
+                return
+            if isinstance(self.server, _Server):
+                self.server.on_token(self.request)
+            if not preview.enter():
                 self.send_error(503, "enough browsers look already")
             else:
                 try:

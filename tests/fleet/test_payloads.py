@@ -14,11 +14,15 @@ from fwav_companion.fleet.payloads import (
     MAX_BYTES,
     StateMessage,
     TracksMessage,
+    VehicleBias,
     decoded,
     encoded,
     triangle,
 )
-from fwav_companion.ground.fleet_intake import CLOCK_OFF_S, LONGEST_DELAY_S, FleetIntake
+from fwav_companion.ground.fleet_intake import CLOCK_OFF_S, LONGEST_DELAY_S, MAX_VEHICLES, FleetIntake
+
+STRONG = VehicleBias(sigma=(1.0,) * 4)
+"""With a derivative of 1e5 it moves a position by 100 km."""
 
 
 def test_a_message_has_the_names_of_the_contract():
@@ -62,6 +66,16 @@ def test_many_tracks_go_in_parts_of_64_kb_and_are_joined_again():
         (msgspec.json.encode(tracks_message(shared(cov=(1.0, 5.0, 0.0, 1.0, 0.0, 1.0)))), "malformed"),
         (msgspec.json.encode(tracks_message(shared(bias_jacobian=((1.0,),) * 3))), "malformed"),
         (msgspec.json.encode(tracks_message(shared(), time_unix=None)), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(), time_unix=1e300)), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(), seq=10**30)), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(track=10**30))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(alt_amsl=1e300))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(vel=(1e300, 0.0, 0.0)))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(last_seen_s=-1e300))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(cov=(1.0, 0.0, 5.0, 1.0, 0.0, 1.0)))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(bias_jacobian=((1e300,) * 4,) * 3))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(), bias=VehicleBias(sigma=(1e300,) * 4))), "malformed"),
+        (msgspec.json.encode(tracks_message(shared(bias_jacobian=((1e5,) * 4,) * 3), bias=STRONG)), "malformed"),
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(data, reason):
@@ -114,6 +128,26 @@ def test_of_two_senders_with_one_name_the_first_counts_until_it_is_silent():
     assert "two senders" in intake.take_texts()[0][1]
     assert report(intake, 2, NOW + 2.0, session="a") is not None
     assert report(intake, 901, NOW + 20.0, session="b") is not None
+
+
+def test_a_number_far_ahead_outdates_a_vehicle_for_five_seconds_at_most():
+    intake = FleetIntake()
+    report(intake, 2**53, NOW)
+    assert report(intake, 8, NOW + 1.0) is None
+    assert report(intake, 9, NOW + 6.0) is not None
+    assert report(intake, 10, NOW + 6.5) is not None
+
+
+def test_a_name_that_is_silent_for_a_minute_yields_its_place():
+    intake = FleetIntake()
+    for number in range(MAX_VEHICLES):
+        intake.on_tracks(str(number), encoded(tracks_message(shared(), vehicle=str(number)))[0], NOW)
+    newcomer = encoded(tracks_message(shared(), vehicle="new"))[0]
+    assert intake.on_tracks("new", newcomer, NOW + 50.0) is None
+    intake.on_tracks("0", encoded(tracks_message(shared(), vehicle="0", seq=3))[0], NOW + 55.0)
+    assert intake.on_tracks("new", newcomer, NOW + 70.0) is not None
+    assert "0" in intake._senders
+    assert len(intake._senders) == MAX_VEHICLES
 
 
 def test_refusals_are_reported_once_a_minute_and_nothing_grows():

@@ -56,6 +56,16 @@ def test_kml_is_read_with_its_placemarks():
     assert folder.features[1].time_stamp.dt.isoformat() == "2026-09-21T14:12:35+00:00"
 
 
+def test_xml_is_well_formed_whatever_a_label_holds():
+    label = "".join(map(chr, range(32))) + "\x7f\ufffe]]><b>"
+    spoiled, vehicle = (
+        msgspec.structs.replace(TARGET, label=label, id=label),
+        msgspec.structs.replace(VEHICLE, id=label),
+    )
+    ET.fromstring(kml([spoiled], [vehicle]))
+    ET.fromstring(one_document(cot_events([spoiled], 10**18, "", vehicles=[vehicle], geoid=lambda *_: 0.0)))
+
+
 def test_csv_has_one_row_a_target_and_no_formula():
     dangerous = TargetView(
         id="1/5",

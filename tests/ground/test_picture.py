@@ -148,6 +148,23 @@ def test_nothing_grows_without_bound(monkeypatch):
     assert len(picture.update_since(0, NOW).texts) == limits.MAX_TEXTS
 
 
+def test_vehicles_that_were_heard_for_a_moment_yield_their_places_and_a_full_picture_is_reported(monkeypatch):
+    monkeypatch.setattr(limits, "MAX_VEHICLES", 3)
+    picture = GroundPicture()
+    for second in range(100):
+        picture.on_vehicle("flew", NOW + second, heard={"autopilot": NOW + second}, lat=48.0, lon=11.0)
+    for name in ("forged 1", "forged 2", "forged 3"):
+        picture.on_vehicle(name, NOW + 100.0)
+    assert "forged 3" not in picture.vehicles
+    (source,) = picture.update_since(0, NOW).sources
+    assert (source.works, source.text[:8]) == (False, "full: at")
+    revision = picture.revision
+    picture.on_vehicle("new", NOW + 200.0)
+    assert picture.vehicles.keys() == {"flew", "forged 2", "new"}, "the last place of what flew stays"
+    assert picture.update_since(revision, NOW + 200.0).whole
+    assert "forged 1" not in picture.paths()
+
+
 def test_targets_that_ended_disappear_after_a_minute():
     picture = GroundPicture()
     picture.on_target(target(1, state="lost"), NOW)

@@ -10,6 +10,7 @@ import socket
 import sqlite3
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import closing, contextmanager
 
 import pytest
@@ -18,10 +19,11 @@ from processes import free_port
 pytest.importorskip("aiohttp")
 
 from fwav_companion.errors import InputFileError, UserError
-from fwav_companion.ground import connections, ground_process
+from fwav_companion.ground import connections, ground_process, guarded_site
 from fwav_companion.ground import server as limits
+from fwav_companion.ground import tiles as tile_limits
 from fwav_companion.ground.access import COOKIE, AccessRules
-from fwav_companion.ground.ground_process import GroundOptions, GroundProcess
+from fwav_companion.ground.ground_process import GroundOptions, GroundProcess, PictureInput
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.tiles import TileFile
 from fwav_companion.ground.views import TargetView
@@ -30,13 +32,13 @@ PNG = b"\x89PNG\r\n\x1a\nrest"
 
 
 @contextmanager
-def served(picture: GroundPicture, token: str = "", tiles: TileFile | None = None):
+def served(picture: GroundPicture, token: str = "", tiles: TileFile | None = None, inputs: Sequence[PictureInput] = ()):
     """The port of a server of this picture, in a thread of its own."""
     port, ready = free_port(), threading.Event()
     loop = asyncio.new_event_loop()
     stop = asyncio.Event()
     options = GroundOptions(host="127.0.0.1", port=port, token=token, rate_hz=10.0)
-    process = GroundProcess(picture, [], options, clock=time.time, tiles=tiles)
+    process = GroundProcess(picture, inputs, options, clock=time.time, tiles=tiles)
     thread = threading.Thread(target=lambda: loop.run_until_complete(process.run(stop, ready.set)))
     thread.start()
     try:
@@ -214,6 +216,31 @@ def test_a_file_without_tiles_is_one_line(tmp_path):
             TileFile(str(tmp_path / name))
 
 
+@pytest.mark.parametrize("zoom", ["abc", b"\x00", float("inf")])
+def test_tiles_of_a_zoom_that_is_no_number_are_one_line(tmp_path, zoom):
+    path = tile_file(tmp_path / "c.mbtiles", format="png")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE tiles SET zoom_level = ?", (zoom,))
+        database.commit()
+    with pytest.raises(InputFileError, match="accepted"):
+        TileFile(path)
+
+
+def test_tiles_whose_table_never_ends_are_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(tile_limits, "MOST_STEPS", 1_000_000)
+    path = tile_file(tmp_path / "d.mbtiles", format="png", bounds="nan,0,1,1")
+    assert TileFile(path).info.bounds == ()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TABLE tiles")
+        database.execute(
+            "CREATE VIEW tiles AS WITH RECURSIVE c(zoom_level, tile_column, tile_row, tile_data) AS"
+            " (SELECT 1, 1, 1, x'ff' UNION ALL SELECT zoom_level + 1, 1, 1, x'ff' FROM c) SELECT * FROM c"
+        )
+        database.commit()
+    with pytest.raises(InputFileError, match="interrupted"):
+        TileFile(path)
+
+
 def test_a_taken_port_is_one_line(port, picture):
     options = GroundOptions(host="127.0.0.1", port=port, token="", rate_hz=5.0)
     process = GroundProcess(picture, [], options, clock=time.time)
@@ -253,6 +280,23 @@ def test_server_keeps_a_page_that_reads_for_longer_than_a_request_may_take(pictu
         assert received.count(b"data:") >= 2
 
 
+def test_a_stranger_without_the_token_keeps_no_connection(picture):
+    with served(picture, token="t" * 16) as port, socket.create_connection(("127.0.0.1", port), 20.0) as stranger:
+        stranger.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+        received = b""
+        while data := stranger.recv(4096):  # to the end of the connection
+            received += data
+        assert received.startswith(b"HTTP/1.1 403")
+
+
+def test_an_answered_connection_without_a_further_request_is_closed(picture, monkeypatch):
+    monkeypatch.setattr(guarded_site, "IDLE_S", 0.2)
+    with served(picture) as port, socket.create_connection(("127.0.0.1", port), 20.0) as page:
+        page.sendall(f"GET /page/style.css HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+        while page.recv(65536):
+            pass
+
+
 @pytest.mark.parametrize(
     "cookie", [b"\xff\xfe", b"\xed\xa0\x80", "fwav=\xe4".encode("latin-1")], ids=["bytes", "surrogate", "latin-1"]
 )
@@ -277,6 +321,32 @@ def test_errors_of_the_library_are_one_short_line_a_second_with_the_number_left_
     assert all(record.exc_info is None and len(record.getMessage()) < 200 for record in caplog.records)
     assert caplog.records[0].getMessage().startswith("ground: bad request: Bad status line 0 xxx")
     assert caplog.records[1].getMessage().endswith("(10 more)")
+
+
+class FaultyInput:
+    """An input whose every step fails."""
+
+    steps = 0
+
+    def start(self) -> None:
+        asyncio.get_running_loop().call_soon(self.tick, 0.0)
+
+    def tick(self, now: float) -> None:
+        self.steps += 1
+        raise ZeroDivisionError("a stranger's bytes")
+
+    def close(self) -> None:
+        pass
+
+
+def test_an_input_that_fails_at_each_step_ends_neither_the_page_nor_fills_the_log(picture, caplog):
+    faulty = FaultyInput()
+    with served(picture, inputs=[faulty]) as port:
+        while faulty.steps < 4:
+            assert get(port, "/")[0] == 200
+    lines = [record.getMessage() for record in caplog.records if "internal fault" in record.getMessage()]
+    assert lines
+    assert len([record for record in caplog.records if record.exc_info]) == 1, "one trace"
 
 
 def test_bad_requests_write_no_traceback(picture, caplog):

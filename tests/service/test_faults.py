@@ -93,7 +93,7 @@ def test_a_fault_that_every_message_repeats_is_one_line_a_second(
     service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ):
     now_s = 100.0
-    monkeypatch.setattr("fwav_companion.service.log.time.monotonic", lambda: now_s)
+    monkeypatch.setattr("fwav_companion.service.fault_log.time.monotonic", lambda: now_s)
     for step in range(30):
         now_s = 100.0 + step / 10
         service._parts.log.faulted({"message": "again", "exception": ZeroDivisionError()})

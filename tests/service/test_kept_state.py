@@ -105,7 +105,8 @@ def test_kept_calibration_outside_its_range_is_set_aside_and_reported_once(state
     assert len(state.reported) == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"null", b"{", b'{"camera": 5}', b"\xff\xfe", b"[1, 2", b"NaN"])
+@pytest.mark.parametrize("content", [b"", b"null", b"{", b'{"camera": 5}', b"\xff\xfe", b"[1, 2", b"NaN",
+                                     b'{"x":' + b"[" * 60_000, b'{"calibration":' + b'{"x":' * 10_000])  # fmt: skip
 def test_kept_calibration_that_is_no_calibration_is_set_aside(state: State, content: bytes) -> None:
     state.calibration.write_bytes(content)
     assert state.kept() is None

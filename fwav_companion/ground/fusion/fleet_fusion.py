@@ -83,7 +83,9 @@ class FleetFusion:
             if len(self.vehicles) >= MAX_VEHICLES:
                 return False
             vehicle = self.vehicles[name] = ReportingVehicle(name, sigmas)
-            vehicle.bias_cov = np.diag(np.maximum(sigmas, SMALLEST_SIGMA) ** 2)
+        prior = np.maximum(sigmas, SMALLEST_SIGMA) ** 2
+        if vehicle.heard_unix == 0.0 or (np.diag(vehicle.bias_cov) > prior).any():
+            vehicle.bias_cov = np.diag(prior)  # a solution is never wider than its prior: this one had another
         vehicle.sigmas, vehicle.heard_unix = sigmas, now
         vehicle.tracks = {track.track: track for track in tracks[:MAX_TRACKS]}
         return True

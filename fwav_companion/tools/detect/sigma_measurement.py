@@ -212,7 +212,7 @@ def _coco(path: Path) -> Mapping[str, list[Box]]:
                 raise ValueError
             boxes[each["image_id"]].append((left - 0.5, top - 0.5, left + width - 0.5, top + height - 0.5))
         return {Path(image["file_name"]).name: boxes[image["id"]] for image in document["images"]}
-    except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError):
+    except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         raise InputFileError(
             f"{path}: not labels; accepted: COCO JSON with images and annotations, or a folder of YOLO text files"
         ) from None

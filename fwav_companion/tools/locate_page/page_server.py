@@ -167,5 +167,5 @@ async def _body(request: web.Request, kind: type[Asked]) -> Asked:
         raise web.HTTPUnsupportedMediaType
     try:
         return msgspec.json.decode(await request.read(), type=kind)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         raise web.HTTPBadRequest from None
