@@ -269,3 +269,36 @@ def test_room_that_was_made_meanwhile_is_used(tmp_path):
     room = Space(tmp_path, SpacePolicy(900, 0, False))
     (old / TELEMETRY).unlink()
     assert room.take(600, current) == []
+
+
+class SteppedStop:
+    """The recorder's stop event in time of its own: each wait ends at once, and the last one ends the recorder."""
+
+    def __init__(self, ends_s: float) -> None:
+        self.now_s, self._ends_s = 0.0, ends_s
+
+    def wait(self, seconds: float) -> bool:
+        self.now_s += seconds
+        return self.now_s >= self._ends_s
+
+    def set(self) -> None:
+        self._ends_s = self.now_s
+
+
+@pytest.mark.parametrize("room_s", [100.0, 101.3, 104.9, 107.7, 109.9])
+def test_a_recording_resumes_by_itself_within_ten_seconds_of_room(tmp_path, monkeypatch, room_s):
+    stop = SteppedStop(ends_s=150.0)
+    full, roomy = (SimpleNamespace(f_bavail=blocks, f_frsize=4096) for blocks in (0, 1_000_000))
+    monkeypatch.setattr(folder_module.os, "statvfs", lambda _path: full if stop.now_s < room_s else roomy)
+    resumed_s = []
+    recorder = Recorder(
+        RecordingPlan(directory=tmp_path, space=NO_LIMIT),
+        lambda _: None,
+        on_news=lambda _: resumed_s.append(stop.now_s),
+    )
+    recorder._stop = stop
+    recorder.telemetry(START_US, b"\xfd\x00")
+    recorder._run()  # in this thread
+    assert len(resumed_s) == 1
+    assert 0.0 <= resumed_s[0] - room_s <= 10.0
+    assert recorder.failure is None
