@@ -19,6 +19,9 @@ NEW_TARGETS = 3
 """Number of targets that come into view in one frame, or are detected again, without being taken for clutter."""
 RECENT = 0.5
 """Weight of the newest frame in the recent numbers, where they fall; they rise at once."""
+LASTING = 1.0
+"""Mean number that fits no track, beyond which clutter lasts. Below it, one frame in which all fit ends the crowd: ten
+targets that come into view together were new for one frame."""
 MEAN_S = 1.0
 """Time constant of the slow means, seconds."""
 SLOWEST_S = 0.25
@@ -43,11 +46,13 @@ class LabelCrowd(msgspec.Struct, frozen=True, gc=False):
     def after_frame(self, unclaimed: int, unfit: int, elapsed_s: float) -> LabelCrowd:
         """The numbers after one more frame."""
         share = min(1.0, elapsed_s / MEAN_S)
+        mean_unfit = self.mean_unfit + share * (unfit - self.mean_unfit)
+        recent = RECENT if mean_unfit > LASTING else 1.0
         return LabelCrowd(
-            max(unclaimed, self.unclaimed + RECENT * (unclaimed - self.unclaimed)),
-            max(unfit, self.unfit + RECENT * (unfit - self.unfit)),
+            max(unclaimed, self.unclaimed + recent * (unclaimed - self.unclaimed)),
+            max(unfit, self.unfit + recent * (unfit - self.unfit)),
             self.mean_unclaimed + share * (unclaimed - self.mean_unclaimed),
-            self.mean_unfit + share * (unfit - self.mean_unfit),
+            mean_unfit,
         )
 
     @property
@@ -92,7 +97,7 @@ class Crowd(msgspec.Struct, frozen=True):
         for label in {*self.labels, *new}:
             before = self.labels.get(label, LabelCrowd())
             after = before.after_frame(new[label] + fit[label], new[label], elapsed_s)
-            if after.unfit > NEW_TARGETS or after.mean_unfit > 1.0:
+            if after.unfit > NEW_TARGETS or after.mean_unfit > LASTING:
                 labels[label] = after
         return Crowd(labels) if labels else NO_CROWD
 

@@ -153,6 +153,20 @@ def test_a_crowd_that_has_ended_is_forgotten():
     assert tracker.crowd is NO_CROWD
 
 
+def test_targets_that_come_into_view_together_are_confirmed_as_early_as_one():
+    """Eight beside two known ones: they were taken for clutter for one frame more, and self-calibration paid for it."""
+    tracker, tracks = make_tracker(TrackingOptions(), PRECISE), ()
+    places = [(10.0 * k, 5.0, 0.0) for k in range(10)]
+    confirmed_at = {}
+    for k in range(10):
+        shown = places[:2] if k < 3 else places
+        tracks = tracker.on_frame(a_view(k / 30, *(a_fix(k / 30, place) for place in shown)))
+        for track in tracks:
+            if track.state in ALIVE:
+                confirmed_at.setdefault(track.id, k)
+    assert sorted(confirmed_at.values()) == [2] * 2 + [5] * 8
+
+
 def test_the_crowd_is_said_once_a_label():
     notices, crowd = CrowdNotices(), Crowd({"person": LabelCrowd(200.0, 150.0, 199.6, 140.0), "pad": LabelCrowd(9, 9)})
     (notice,) = notices.notices(crowd)
