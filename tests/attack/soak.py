@@ -21,11 +21,11 @@ import tempfile
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from itertools import cycle, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(Path(__file__).parent)]
@@ -142,10 +142,9 @@ class Landings(list[tuple[float, Any]]):
     seconds.
     """
 
-    def append(self, seen: tuple[float, Any]) -> None:
-        """Keep it if it is one of them."""
-        if is_ours(seen[1]):
-            super().append(seen)
+    def __iadd__(self, seen: Iterable[tuple[float, Any]]) -> Self:
+        """Keep those of them that are the service's."""
+        return super().__iadd__([each for each in seen if is_ours(each[1])])
 
 
 def rss_mib(pid: int) -> float:
