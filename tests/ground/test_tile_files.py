@@ -1,0 +1,48 @@
+"""MBTiles files of strangers that hold no tiles, no numbers, or a table without an end."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+
+import pytest
+
+pytest.importorskip("aiohttp")
+
+from test_server import tile_file
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.ground import tiles as tile_limits
+from fwav_companion.ground.tiles import TileFile
+
+
+def test_a_file_without_tiles_is_one_line(tmp_path):
+    (tmp_path / "b.mbtiles").write_text("no database")
+    for name in ("b.mbtiles", "absent.mbtiles"):
+        with pytest.raises(InputFileError, match="accepted"):
+            TileFile(str(tmp_path / name))
+
+
+@pytest.mark.parametrize("zoom", ["abc", b"\x00", float("inf")])
+def test_tiles_of_a_zoom_that_is_no_number_are_one_line(tmp_path, zoom):
+    path = tile_file(tmp_path / "c.mbtiles", format="png")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE tiles SET zoom_level = ?", (zoom,))
+        database.commit()
+    with pytest.raises(InputFileError, match="accepted"):
+        TileFile(path)
+
+
+def test_tiles_whose_table_never_ends_are_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(tile_limits, "MOST_STEPS", 1_000_000)
+    path = tile_file(tmp_path / "d.mbtiles", format="png", bounds="nan,0,1,1")
+    assert TileFile(path).info.bounds == ()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TABLE tiles")
+        database.execute(
+            "CREATE VIEW tiles AS WITH RECURSIVE c(zoom_level, tile_column, tile_row, tile_data) AS"
+            " (SELECT 1, 1, 1, x'ff' UNION ALL SELECT zoom_level + 1, 1, 1, x'ff' FROM c) SELECT * FROM c"
+        )
+        database.commit()
+    with pytest.raises(InputFileError, match="interrupted"):
+        TileFile(path)
