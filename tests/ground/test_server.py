@@ -7,7 +7,6 @@ import http.client
 import json
 import logging
 import socket
-import sqlite3
 import threading
 import time
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from contextlib import closing, contextmanager
 
 import pytest
 from processes import free_port
+from tile_files import PNG, tile_file
 
 pytest.importorskip("aiohttp")
 
@@ -26,8 +26,6 @@ from fwav_companion.ground.ground_process import GroundOptions, GroundProcess, P
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.tiles import TileFile
 from fwav_companion.ground.views import TargetView
-
-PNG = b"\x89PNG\r\n\x1a\nrest"
 
 
 @contextmanager
@@ -183,18 +181,6 @@ def test_pages_are_bounded(port, monkeypatch):
     for connection in opened:
         connection.close()
     assert statuses == [200, 200, 503]
-
-
-def tile_file(path, **metadata: str) -> str:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("CREATE TABLE metadata (name text, value text)")
-        database.execute(
-            "CREATE TABLE tiles (zoom_level integer, tile_column integer, tile_row integer, tile_data blob)"
-        )
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", metadata.items())
-        database.execute("INSERT INTO tiles VALUES (2, 1, 3, ?)", (PNG,))
-        database.commit()
-    return str(path)
 
 
 def test_tiles_are_counted_from_the_north(tmp_path, picture):

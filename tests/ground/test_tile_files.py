@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("aiohttp")
 
-from test_server import tile_file
+from tile_files import tile_file
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.ground import tiles as tile_limits
