@@ -122,6 +122,10 @@ class MountConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Gimbal that carries the camera, by its GIMBAL_DEVICE_ATTITUDE_STATUS: 1 to 6 for one behind the autopilot, else
     its MAVLink component (154); 0: the camera is fixed to the body. On a gimbal the angles count from the gimbal's own
     axes, all 0 for a camera that looks where the gimbal does; attitude and mount in [uncertainty] are the gimbal's."""
+    gimbal_yaw_bias_deg: Annotated[float, Meta(ge=0, le=180)] = 3.0
+    """One sigma of a gimbal's own heading, degrees."""
+    gimbal_delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    """Age of a gimbal's attitude at its stamp, seconds; with self-calibration the rest is estimated, sigma 0.05."""
 
     @property
     def angles(self) -> Vector3:

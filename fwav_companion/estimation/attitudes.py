@@ -29,6 +29,9 @@ class Attitudes:
         self._newest: list[float] = []
         self._last = np.array([1.0, 0.0, 0.0, 0.0])
 
+    def __len__(self) -> int:
+        return len(self._samples)
+
     def append(self, t: float, q: Array) -> bool:
         """Add the attitude (4,) stamped t; False: not finite, not later, or no rotation."""
         norm = float(np.linalg.norm(q))

@@ -77,6 +77,7 @@ class SampleNoise:
     height_wander_m: float = 0.0
     wander_times_s: tuple[float, ...] = (30.0, 1800.0)  # correlation times, the variance shared equally
     stamp_jitter_s: float = 0.0  # white, of a picture's stamp
+    roughness_m: float = 0.1  # of the ground under a rangefinder's beam: grass
 
 
 def priors(

@@ -18,6 +18,7 @@ from fwav_companion.estimation.answers import (
 from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
+    GIMBAL_SHARED,
     HEIGHT,
     MOUNT,
     PITCH,
@@ -34,6 +35,7 @@ from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.moving import MovingTarget
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model
+from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
@@ -61,9 +63,10 @@ class Estimator:
         """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration."""
         self.targets = dict(targets or {})
         self.model = Model(priors, noise, ground or LevelGround(), self.targets, consider)
-        self._attitudes = Attitudes(noise.attitude_rad, noise.attitude_stamp_delay_s)
         self._path = VehiclePath(noise.position_m, noise.height_m)
-        self.carrier = Carrier(self._attitudes, self._path.samples)
+        body = Attitudes(noise.attitude_rad, noise.attitude_stamp_delay_s)
+        gimbal = Attitudes(noise.attitude_rad, 0.0) if len(priors) == GIMBAL_SHARED else None
+        self.carrier = Carrier(body, self._path.samples, gimbal=gimbal)
         self._budget = kept
         self.kept: Sightings | None = None
         self._new: list[Sightings] = []
@@ -80,8 +83,19 @@ class Estimator:
     # Telemetry and frames, in order of time.
 
     def add_attitude(self, t: float, quaternion: Array) -> bool:
-        """Add ned_from_carrier (4,) as stamped; False for a sample that is left out."""
-        return self._attitudes.append(t, quaternion)
+        """Add the body's attitude (4,), ned_from_body, as stamped; False for a sample that is left out."""
+        return self.carrier.body.append(t, quaternion)
+
+    def add_gimbal_attitude(self, t: float, quaternion: Array) -> bool:
+        """Add the attitude (4,) of the gimbal that carries the camera; False for a sample that is left out.
+
+        Its yaw counts from the vehicle's heading, or from north where `carrier.yaw_from_north` says so.
+        """
+        return self.carrier.gimbal is not None and self.carrier.gimbal.append(t, quaternion)
+
+    def add_range(self, reading: RangeReading, foot: tuple[float, float]) -> bool:
+        """Add a rangefinder's reading with the beam's foot, m north and east; False: left out."""
+        return self.carrier.ranges.append(reading, foot)
 
     def add_position(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
         """Add north, east, height (m) and their rates; reset: the report begins a new piece. False: left out."""
@@ -215,7 +229,7 @@ class Estimator:
             return
         self._next_prune = now + _PRUNE_S
         recent = np.arange(now - _PRUNED_AGE_S, now + 2 * _ATTITUDE_MARGIN_S, _ATTITUDE_MARGIN_S)
-        self._attitudes.keep_near(np.sort(np.concatenate([s.t, recent])), _ATTITUDE_MARGIN_S)
+        self.carrier.keep_near(np.sort(np.concatenate([s.t, recent])), _ATTITUDE_MARGIN_S)
 
     # Answers.
 

@@ -7,7 +7,7 @@ different linearisation points creates information in directions that no sightin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Sightings:
     frame: Ints  # (N,) one number a frame, growing
     target: Ints  # (N,) -1: none
     row: Array  # (N,) share of the readout at which the row was exposed; 0: a global shutter
+    # (3, N) what the frame's own pose adds to the noise: attitude rad, position m, height m. None: nothing
+    own_noise: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -41,13 +43,14 @@ class Sightings:
         if which.dtype == np.bool_ and bool(which.all()):
             return self
         i = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        own = None if self.own_noise is None else self.own_noise.take(i, -1)
         return Sightings(
-            self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i], self.row[i]
+            self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i], self.row[i], own
         )
 
     def with_targets(self, target: Ints) -> Sightings:
         """The same detections, of other targets."""
-        return Sightings(self.t, self.rays, self.tangents, self.frame, target, self.row)
+        return replace(self, target=target)
 
 
 def frame_of(number: int, t: Array, rays: Array, tangents: Array) -> Sightings:
@@ -72,7 +75,14 @@ def joined(parts: Sequence[Sightings]) -> Sightings:
         np.concatenate([p.frame for p in parts]),
         np.concatenate([p.target for p in parts]),
         np.concatenate([p.row for p in parts]),
+        _joined_noise(parts),
     )
+
+
+def _joined_noise(parts: Sequence[Sightings]) -> Array | None:
+    if all(p.own_noise is None for p in parts):
+        return None
+    return np.concatenate([np.zeros((3, len(p))) if p.own_noise is None else p.own_noise for p in parts], -1)
 
 
 def in_order(s: Sightings) -> Sightings:

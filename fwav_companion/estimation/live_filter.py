@@ -27,6 +27,7 @@ from fwav_companion.estimation.wander import Wander, step_variance
 TEACHING = 10  # targets whose sightings update the error and each other
 _ONE_INSTANT_S = 1e-6
 _FEW_PAIRS, _NEAREST = 24, 3
+_READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
 _SHORT_S = 0.5  # gap up to which the error is a random walk
 
 
@@ -54,6 +55,7 @@ class LiveFilter:
         self.other_cross = covariance[rows[:, :, None], base]  # (O, 3, n)
         level, up = (w.growth() for w in wanders)
         self.growth = np.array([level, level, up])  # m^2/s
+        self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self._pose: tuple[float, Poses] | None = None
 
@@ -88,7 +90,7 @@ class LiveFilter:
             return self.pose(float(t[0]))
         t -= float(shared[CAMERA_DELAY])
         shift = attitude_shift(shared)
-        return Poses(*(a.take(detection, -1) for a in self.carrier.poses(t, self.carrier.live_rates(t + shift), shift)))
+        return self.carrier.poses(t, self.carrier.live_rates(t, shift), shift).take(detection)
 
     def target_means(self, targets: Ints) -> Array:
         """Means (3, M): north, east, height above the surface."""
@@ -174,8 +176,12 @@ class LiveFilter:
             if k in self.at:
                 h[:, i, self.at[k] : self.at[k] + TARGET_SIZE] = own[..., i]
         rows = h.reshape(2 * m, -1)
-        g = common_noise(found, self.model.noise).swapaxes(1, 2).reshape(2 * m, -1)
+        own_noise = None if s.own_noise is None else s.own_noise.take(detection, -1)
+        g = common_noise(found, self.model.noise, own_noise).swapaxes(1, 2).reshape(2 * m, -1)
         covariance = rows @ self.covariance @ rows.T + g @ g.T
+        if own_noise is not None:
+            place = (found.point * own_noise[[1, 1, 2]]).swapaxes(1, 2).reshape(2 * m, 3)
+            covariance += place @ place.T
         covariance.reshape(-1)[:: 2 * m + 1] += 1.0
         self._add_others(covariance, rows, own, targets)
         residual = found.residual.ravel()
@@ -204,6 +210,7 @@ class LiveFilter:
         margin = BREAK_MARGIN_S
         if any(b.before - margin < self.t < b.after + margin for b in self.carrier.path.breaks):
             return
+        self._update_by_range()
         teaches = np.array([k in self.at for k in s.target.tolist()], np.bool_)
         for which, update in ((teaches, self._update_base), (~teaches, self._update_others)):
             index = np.flatnonzero(which)
@@ -220,11 +227,32 @@ class LiveFilter:
     def _update_base(self, found: FramePrediction, h: Array, own: Array, use: Ints) -> None:
         del own
         rows = found.rows(use)
-        h, s, r = h[rows], found.covariance[np.ix_(rows, rows)], found.residual[rows]
-        carried = self.covariance @ h.T  # (n, 2 M)
+        self._correct(h[rows], found.covariance[np.ix_(rows, rows)], found.residual[rows])
+
+    def _update_by_range(self) -> None:
+        """Take the newest reading of a rangefinder, at most a few in a second: they see the same ground again."""
+        found = self.carrier.ranges.newest(self._reading_t + _READING_GAP_S, self.t)
+        if found is None:
+            return
+        reading, foot = found
+        self._reading_t = reading.t
+        position, velocity, calm = (a[:, 0] for a in self.carrier.path.at(np.array([reading.t])))
+        h = np.zeros((1, len(self.mean)))
+        h[0, POSITION_DELAY], h[0, self.error + 2] = calm[2], -1.0
+        ground, _ = self.model.ground.height(foot[:, None])
+        predicted = position[2] + velocity[2] * self.mean[POSITION_DELAY] - self.mean[self.error + 2] - ground[0]
+        variance = reading.sigma_m**2 + self.model.noise.roughness_m**2
+        s = h @ self.covariance @ h.T + variance
+        residual = np.array([reading.height_m - predicted])
+        if float(residual[0]) ** 2 < _READING_GATE2 * float(s[0, 0]):
+            self._correct(h, s, residual)
+
+    def _correct(self, h: Array, s: Array, r: Array) -> None:
+        """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,)."""
+        carried = self.covariance @ h.T  # (n, m)
         gain = np.linalg.solve(s, carried.T).T
         gain[: self.size] = 0.0
-        cross = self.other_cross @ h.T  # (O, 3, 2 M)
+        cross = self.other_cross @ h.T  # (O, 3, m)
         self.mean = self.mean + gain @ r
         # Joseph's form (Bucy & Joseph 1968) in full: right also for the rows of a gain that were set to zero.
         left = gain @ carried.T

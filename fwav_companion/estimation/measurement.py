@@ -29,6 +29,7 @@ from fwav_companion.estimation.errors import (
     ROLL,
     Array,
     Bools,
+    Ints,
 )
 
 # Cosine of the largest angle between a predicted and an observed ray that is linearised: 87 degrees.
@@ -48,7 +49,16 @@ class Poses(NamedTuple):
     velocity: Array  # (3, N) m/s north, east, up
     calm_velocity: Array  # (3, N) m/s, without its noise, for derivatives
     rate: Array  # (3, N) rad/s, carrier axes, without its noise, for derivatives
-    level: Array  # (3, N) carrier axes: the level axis to the right, about which the pitch turns
+    level: Array  # (3, N) or (3, 1) carrier axes: the axis about which the pitch turns: level, to the right
+    own_rate: Array | None = None  # (3, N) rad/s, of a gimbal without the heading of its yaw's zero; None: `rate`
+
+    def take(self, index: Ints) -> Poses:
+        """The poses of instants (M,) by index."""
+        rotation, position, velocity, calm, rate, level = (
+            a if a.shape[-1] == 1 else a.take(index, -1) for a in self[:6]
+        )
+        own = None if self.own_rate is None else self.own_rate.take(index, -1)
+        return Poses(rotation, position, velocity, calm, rate, level, own)
 
 
 class Projection(NamedTuple):
@@ -117,7 +127,8 @@ def project(
     if len(shared) == GIMBAL_SHARED:
         columns[:, GIMBAL_HEADING] = columns[:, HEADING]
         # Stamps of the gimbal that are late: the attitude of an instant is stored later, at + delay.
-        columns[:, GIMBAL_DELAY] = moved - columns[:, CAMERA_DELAY]
+        own = poses.rate if poses.own_rate is None else poses.own_rate
+        columns[:, GIMBAL_DELAY] = -apply(by_v, crosses(v, own[:, None]))[:, 0]
     columns[..., ~visible], point[..., ~visible], offset[:, ~visible] = 0.0, 0.0, 0.0
     return Projection(-offset, visible, height, columns, point)
 

@@ -12,6 +12,7 @@ from fwav_companion.estimation.array_rotations import matrices
 from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.measurement import Poses
+from fwav_companion.estimation.range_readings import RangeReadings
 from fwav_companion.estimation.sample_buffer import SampleBuffer
 
 
@@ -70,57 +71,106 @@ def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
     return 1.0 - later, later, s * (1.0 - s) ** 2 * h, s2 * (s - 1.0) * h
 
 
-class Carrier:
-    """Poses of the camera's carrier by its reported attitudes and positions."""
+class CarrierRates(NamedTuple):
+    """Angular rates in carrier axes, rad/s, without their noise: for derivatives."""
 
-    def __init__(self, attitudes: Attitudes, path: PathSamples, gimbal: Attitudes | None = None) -> None:
-        """gimbal: the camera's own attitudes, where a gimbal turns it; they replace the body's."""
-        self.attitudes, self.path = gimbal or attitudes, path
-        self._motion_share = np.zeros((3, 1))
+    whole: Array  # (3, N) by camera time
+    own: Array | None = None  # (3, N) of a gimbal against the zero of its yaw; None: the same
+
+
+class Carrier:
+    """Poses of the camera's carrier, the body or a gimbal, by its reported attitudes and positions."""
+
+    def __init__(self, attitudes: Attitudes, path: PathSamples, *, gimbal: Attitudes | None = None) -> None:
+        """gimbal: where one carries the camera, its attitudes about the vehicle's heading."""
+        self.path, self.body, self.gimbal = path, attitudes, gimbal
+        self.attitudes = attitudes if gimbal is None else gimbal
+        self.yaw_from_north = False  # the gimbal's attitudes: about north instead
+        self.ranges = RangeReadings()
+        self._motion_shares: dict[bool, Array] = {}  # of the body's rates, of the gimbal's
 
     def copy(self) -> Carrier:
         """A snapshot that later samples do not change."""
-        other = Carrier(self.attitudes.copy(), self.path.copy())
-        other._motion_share = self._motion_share
+        gimbal = None if self.gimbal is None else self.gimbal.copy()
+        other = Carrier(self.body.copy(), self.path.copy(), gimbal=gimbal)
+        other.ranges, other.yaw_from_north = self.ranges.copy(), self.yaw_from_north
+        other._motion_shares = dict(self._motion_shares)
         return other
 
     @property
     def ready(self) -> bool:
         """Whether poses can be interpolated."""
-        return len(self.path.buffer) > 3 and self.attitudes.ready
+        return len(self.path.buffer) > 3 and self.body.ready and self.attitudes.ready
 
     @property
     def newest(self) -> float:
-        """Instant up to which both streams have samples, s."""
-        return min(self.path.newest, self.attitudes.newest)
+        """Instant up to which all streams have samples, s."""
+        return min(self.path.newest, self.body.newest, self.attitudes.newest)
 
-    def rates(self, t: Array) -> Array:
-        """Rates (3, N) for derivatives at many instants (N,): the slow ones, and of the fast ones what is motion."""
-        fast, slow = self.attitudes.fast_and_slow_rates(t)
-        self._motion_share = self.attitudes.motion_share(t, fast, slow)
-        return np.asarray(slow + self._motion_share * (fast - slow))
+    def keep_near(self, instants: Array, margin_s: float) -> None:
+        """Delete attitudes and readings further than the margin from all instants (n,), ascending."""
+        self.body.keep_near(instants, margin_s)
+        if self.gimbal is not None:
+            self.gimbal.keep_near(instants, margin_s)
+        self.ranges.keep_near(instants, margin_s)
 
-    def poses(self, t: Array, rates: Array, attitude_shift: float = 0.0) -> Poses:
-        """Poses at instants (N,); rates (3, N) enter derivatives only; the attitude is taken `attitude_shift` later."""
-        rotation = matrices(self.attitudes.quaternions(t + attitude_shift))
+    def rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
+        """Rates at many instants (N,): the slow ones, and of the fast ones what is motion."""
+        return self._rates(t, shift, adapt=True)
+
+    def live_rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
+        """Rates at a few instants, with the share of motion that was last found."""
+        return self._rates(t, shift, adapt=False)
+
+    def _rates(self, t: Array, shift: float, *, adapt: bool) -> CarrierRates:
+        if self.gimbal is None:
+            return CarrierRates(self._denoised(self.body, t + shift, adapt=adapt))
+        own = self._denoised(self.gimbal, t + shift, adapt=adapt)
+        if self.yaw_from_north:
+            return CarrierRates(own)
+        # The heading turns the gimbal about down: its rate from the body's (Euler's kinematic equation).
+        _, q, r = self._denoised(self.body, t, adapt=adapt)
+        right, down = matrices(self.body.quaternions(t))[2, 1:]
+        turn = (right * q + down * r) / np.maximum(right * right + down * down, _LEAST_LEVEL2)
+        return CarrierRates(own + matrices(self.gimbal.quaternions(t + shift))[2] * turn, own)
+
+    def _denoised(self, attitudes: Attitudes, t: Array, *, adapt: bool) -> Array:
+        fast, slow = attitudes.fast_and_slow_rates(t)
+        of_gimbal = attitudes is self.gimbal
+        if adapt:
+            self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow)
+        return np.asarray(slow + self._motion_shares.get(of_gimbal, 0.0) * (fast - slow))
+
+    def poses(self, t: Array, rates: CarrierRates, attitude_shift: float = 0.0) -> Poses:
+        """Poses at instants (N,); rates enter derivatives only; a gimbal's attitude is taken `attitude_shift` later."""
+        rotation = self._rotation(t, attitude_shift)
         position, velocity, calm = self.path.at(t)
+        if self.gimbal is not None:  # its errors are about its own axes, also where it looks straight down
+            return Poses(rotation, position, velocity, calm, rates.whole, _RIGHT, rates.own)
         level = np.zeros_like(position)
         level[1], level[2] = rotation[2, 2], -rotation[2, 1]
         size = np.sqrt((level * level).sum(0))
         level = np.where(size > 1e-6, level / np.maximum(size, 1e-6), _RIGHT)  # vertical: the carrier's own axis
-        return Poses(rotation, position, velocity, calm, rates, level)
+        return Poses(rotation, position, velocity, calm, rates.whole, level)
+
+    def _rotation(self, t: Array, shift: float) -> Array:
+        """ned_from_carrier (3, 3, N)."""
+        if self.gimbal is None:
+            return matrices(self.body.quaternions(t + shift))
+        own = matrices(self.gimbal.quaternions(t + shift))
+        if self.yaw_from_north:
+            return own
+        forward = matrices(self.body.quaternions(t))[:2, 0]  # (2, N) the nose
+        cos, sin = forward / np.maximum(np.hypot(*forward), 1e-6)
+        return np.stack([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1], own[2]])
 
     def pose(self, t: float, attitude_shift: float = 0.0) -> Poses:
         """The pose at one instant (N = 1), rates with the share of motion that was last found."""
         instants = np.array([t])
-        return self.poses(instants, self.live_rates(instants + attitude_shift), attitude_shift)
-
-    def live_rates(self, t: Array) -> Array:
-        """Rates (3, N) for derivatives at a few instants, with the share of motion that was last found."""
-        fast, slow = self.attitudes.fast_and_slow_rates(t)
-        return np.asarray(slow + self._motion_share * (fast - slow))
+        return self.poses(instants, self.live_rates(instants, attitude_shift), attitude_shift)
 
 
+_LEAST_LEVEL2 = 0.01  # squared cosine of the pitch: nose up within 6 degrees there is no heading
 _RIGHT = np.array([[0.0], [1.0], [0.0]])
 
 

@@ -25,7 +25,8 @@ from fwav_companion.estimation.errors import (
 from fwav_companion.estimation.ground import TARGET_SIZE, UNKNOWN_TARGET, GroundSurface, TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, Projection, feet, project, without_path_noise
-from fwav_companion.estimation.path_samples import Carrier
+from fwav_companion.estimation.path_samples import Carrier, CarrierRates
+from fwav_companion.estimation.range_readings import UsedReadings
 from fwav_companion.estimation.wander import Wander, WanderKernel
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
@@ -96,6 +97,9 @@ class Problem:
         self.usable = np.ones(len(s), np.bool_)
         for b in carrier.path.breaks:
             self.usable &= (s.t <= b.before - BREAK_MARGIN_S) | (s.t >= b.after + BREAK_MARGIN_S)
+        self.readings: UsedReadings | None = None
+        if len(carrier.ranges):
+            self.readings = carrier.ranges.used(knots, carrier.path.breaks, model.noise.roughness_m)
         priors = [model.target(k) for k in self.ids.tolist()]
         self.target_mean = np.array([p.mean() for p in priors]).reshape(-1, TARGET_SIZE)
         self._target_precision = np.concatenate([p.precision() for p in priors]) if priors else np.zeros(0)
@@ -106,7 +110,7 @@ class Problem:
         surveyed = [p.surveyed for p in priors]
         self._surveys = np.flatnonzero(np.array(surveyed, np.bool_))
         self.survey_weight = np.ones(len(self._surveys))
-        self._rates: tuple[float, Array] | None = None
+        self._rates: tuple[float, CarrierRates] | None = None
         self._noise: dict[WanderKernel, ErrorNoise] = {}
         self._prior: dict[WanderKernel, tuple[Array, float]] = {}
 
@@ -123,7 +127,10 @@ class Problem:
             level, up = self.wanders(kernel)
             gap = self.gaps[self.left]
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
-            level_sigma, up_sigma = (np.sqrt(w.bridge(gap, self.part)) for w in (level, up))
+            # The frame's own position error is about the line, too.
+            _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
+            level_sigma = np.sqrt(level.bridge(gap, self.part) + own**2)
+            up_sigma = np.sqrt(up.bridge(gap, self.part) + own_up**2)
             self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, 2.0 * mean)
         return self._noise[kernel]
 
@@ -178,11 +185,11 @@ class Problem:
         delay, shift = float(shared[CAMERA_DELAY]), attitude_shift(shared)
         instants = self.instants - delay - self.rows * float(shared[READOUT])
         if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
-            self._rates = delay, self.carrier.rates(instants + shift)
+            self._rates = delay, self.carrier.rates(instants, shift)
         poses = self.carrier.poses(instants, self._rates[1], shift)
         if self._in_order:
             return poses
-        return Poses(*(a.take(self.of_instant, -1) for a in poses))
+        return poses.take(self.of_instant)
 
     def linearise(self, state: State, kernel: WanderKernel) -> Projection:
         """All sightings at a state; the kernel says which part of the path is noise."""

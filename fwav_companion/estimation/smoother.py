@@ -17,6 +17,7 @@ from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.information import WeightedSightings, normal_equations, own_inverse
 from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.problem import Problem, State
+from fwav_companion.estimation.range_rows import with_readings
 from fwav_companion.estimation.wander import WanderKernel
 
 COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error between knots 3
@@ -41,10 +42,14 @@ class Step:
     log_determinant: float  # of the information matrix
 
 
-def common_noise(projection: Projection, noise: SampleNoise) -> Array:
-    """Standard deviations (2, 4, M) that attitude's noises about three axes and the stamp's noise cause."""
+def common_noise(projection: Projection, noise: SampleNoise, own: Array | None = None) -> Array:
+    """Standard deviations (2, 4, M) that attitude's noises about three axes and the stamp's noise cause.
+
+    own: (3, M) noise of the frames' own poses, attitude in row 0.
+    """
     g = np.empty((2, 4, projection.residual.shape[1]))
-    g[:, :3] = projection.shared[:, MOUNT] * noise.attitude_rad
+    attitude = noise.attitude_rad if own is None else np.hypot(noise.attitude_rad, own[0])
+    g[:, :3] = projection.shared[:, MOUNT] * attitude
     stamp2 = (noise.attitude_stamp_delay_s**2 + CLOCK_GRAIN_S**2) / 12.0 + noise.stamp_jitter_s**2
     g[:, 3] = projection.shared[:, CAMERA_DELAY] * math.sqrt(stamp2)
     return g
@@ -76,9 +81,9 @@ def expected_weights(covariance: Array | None) -> Weigh:
 
 def weigh_sightings(problem: Problem, projection: Projection, kernel: WanderKernel, weigh: Weigh) -> WeightedSightings:
     """Noise and robust weights of the sightings under a kernel."""
-    noise = problem.error_noise(kernel)
+    noise, own = problem.error_noise(kernel), problem.s.own_noise
     g = np.empty((2, COMMON, len(problem.s)))
-    g[:, :4] = common_noise(projection, problem.model.noise)
+    g[:, :4] = common_noise(projection, problem.model.noise, own)
     g[:, 4:6] = projection.point[:, :2] * noise.level
     g[:, 6] = projection.point[:, 2] * noise.up
     inverse, _ = own_inverse(g, np.ones(len(problem.s)))
@@ -102,7 +107,7 @@ def gauss_newton_step(
     *, likelihood: bool = False,
 ) -> Step:  # fmt: skip
     """One step from `state`, with the covariance at the point that it starts from."""
-    equations = normal_equations(problem, projection, weighted)
+    equations = with_readings(problem, state, kernel, normal_equations(problem, projection, weighted))
     precision, knots_det = problem.prior(kernel)
     deviation = problem.deviation(state)
     pulled = precision @ deviation

@@ -11,7 +11,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
-from fwav_companion.types import NoFix, Reason, Sighting, TakeOff
+from fwav_companion.types import GroundReference, HeightReference, NoFix, Reason, Sighting, TakeOff
 from fwav_companion.types.flight_status import GroundReport
 
 LEVEL_NORMAL: Vector3 = (0.0, 0.0, 1.0)
@@ -64,6 +64,9 @@ class Ground(Protocol):
 
     def status(self) -> GroundReport:
         """Name and state of the model, for the status."""
+
+    def reference(self) -> GroundReference:
+        """The height source and the ground's shape, for an estimator that follows whole flights."""
 
 
 def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:
@@ -119,6 +122,10 @@ class HomeGround:
         """Name of the model and depth of the surface."""
         return GroundReport(model="home", home_down_m=self.home_down_m)
 
+    def reference(self) -> GroundReference:
+        """Flat ground at the surface's level."""
+        return GroundReference(HeightReference.ALTITUDE, -self.home_down_m)
+
     def height_m(self, sighting: Sighting) -> float | None:
         """The height of the camera above the surface, metres; None where it is not known."""
         if sighting.relative:
@@ -166,6 +173,10 @@ class FixedGround:
     def status(self) -> GroundReport:
         """Name of the model and height of the camera above the surface."""
         return GroundReport(model="fixed", height_m=self._height_m)
+
+    def reference(self) -> GroundReference:
+        """The configured height of the camera."""
+        return GroundReference(HeightReference.CONSTANT, self._height_m)
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection at the configured height; the autopilot's height is not used."""

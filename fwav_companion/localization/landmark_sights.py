@@ -11,6 +11,8 @@ from fwav_companion.localization.localizer import Localizer
 from fwav_companion.types import (
     ErrorPriors,
     GroundFix,
+    GroundReference,
+    HeightReference,
     Landmark,
     LandmarkRecord,
     LandmarkSight,
@@ -46,6 +48,10 @@ class KnownLevel:
     def status(self) -> GroundReport:
         """The name of the model."""
         return GroundReport(model="landmark")
+
+    def reference(self) -> GroundReference:
+        """Flat ground at the known level."""
+        return GroundReference(HeightReference.ALTITUDE, -self._down_m)
 
 
 class LandmarkSights:

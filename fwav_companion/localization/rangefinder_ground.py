@@ -10,7 +10,7 @@ from fwav_companion.geometry.rotations import exp, multiply, rotate
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
 from fwav_companion.localization.ground import HomeGround, Intersection, camera_above_flat, flat_distance
-from fwav_companion.types import NoFix, RangeSample, Reason, Sighting, TakeOff
+from fwav_companion.types import GroundReference, HeightReference, NoFix, RangeSample, Reason, Sighting, TakeOff
 from fwav_companion.types.flight_status import GroundReport
 
 LEAST_PLUMB = 0.5
@@ -60,6 +60,10 @@ class RangefinderGround:
             fallback=None if self.fallback is None else self.fallback.value,
             fallbacks={reason.value: count for reason, count in sorted(self.fallbacks.items())},
         )
+
+    def reference(self) -> GroundReference:
+        """The rangefinder's height, and before its first reading the home surface."""
+        return GroundReference(HeightReference.RANGE, self._home.reference().level_m)
 
     def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         self.fallback = why

@@ -15,11 +15,11 @@ import msgspec
 
 from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
-from fwav_companion.localization.elevation import ElevationModel
+from fwav_companion.localization.elevation import Cell, ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
 from fwav_companion.localization.ground_profile import turned_distances
 from fwav_companion.localization.ray_search import Hit, end_of_cells, first_hit
-from fwav_companion.types import NoFix, Reason, Sighting, TakeOff, TakeOffSource
+from fwav_companion.types import GroundReference, HeightReference, NoFix, Reason, Sighting, TakeOff, TakeOffSource
 from fwav_companion.types.flight_status import GroundReport
 
 MOST_SHIFT_M = 30.0
@@ -166,6 +166,15 @@ class TerrainGround:
             trouble=None if self._model is None or self._trouble is None else self._trouble.value,
         )
 
+    def reference(self) -> GroundReference:
+        """The model's shape; without a model, or without an origin, the autopilot's height above terrain."""
+        if self._model is None:
+            return GroundReference(HeightReference.TERRAIN_REPORT)
+        if self._plane is None:
+            return GroundReference(HeightReference.ALTITUDE)
+        surface = TerrainSurface(self._model, self._plane, self._raised_m)
+        return GroundReference(HeightReference.ALTITUDE, surface=surface)
+
     def _meet_model(
         self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3
     ) -> Intersection | NoFix:
@@ -219,16 +228,43 @@ class TerrainGround:
         return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "terrain", surveyed=True)
 
 
+class TerrainSurface(msgspec.Struct, frozen=True):
+    """An elevation model about the world's origin: a snapshot that later shifts do not change."""
+
+    model: ElevationModel
+    plane: TangentPlane
+    raised_m: float
+    """Height by which the model is shifted, metres up."""
+
+    def at(self, north_m: float, east_m: float) -> tuple[float, float, float] | None:
+        """Height above the origin, metres, and its derivatives by north and by east; None outside the model."""
+        place = self.plane.geodetic_from_ned((north_m, east_m, 0.0))
+        lat_deg, lon_deg = degrees(place.lat), degrees(place.lon)
+        cell = self.model.cell_at(lat_deg, lon_deg)
+        if cell is None:
+            return None
+        by_north, by_east = _slope(cell, lat_deg, lon_deg)
+        height_m = cell.height_m(lat_deg, lon_deg) + self.raised_m - self.plane.origin.alt_amsl_m
+        return height_m, by_north, by_east
+
+
 def _normal(hit: Hit) -> Vector3:
     """The unit normal of the surface at the point, NED, downward.
 
-    The surface is down = -height(north, east), so the normal is (dh/dnorth, dh/deast, 1), normalised. The steps of the
-    lattice are converted to metres by the radii of curvature in the meridian and the prime vertical.
+    The surface is down = -height(north, east), so the normal is (dh/dnorth, dh/deast, 1), normalised.
     """
-    south, east = hit.cell.fractions(hit.lat_deg, hit.lon_deg)
-    _, b, c, d = hit.cell.polynomial()
-    lat = radians(hit.lat_deg)
+    return unit((*_slope(hit.cell, hit.lat_deg, hit.lon_deg), 1.0))
+
+
+def _slope(cell: Cell, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+    """The derivatives of the height by north and by east.
+
+    The steps of the lattice are converted to metres by the radii of curvature in the meridian and the prime vertical.
+    """
+    south, east = cell.fractions(lat_deg, lon_deg)
+    _, b, c, d = cell.polynomial()
+    lat = radians(lat_deg)
     w = sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
-    north_m = radians(hit.cell.lat_step_deg) * SEMI_MAJOR_M * (1.0 - ECCENTRICITY2) / w**3
-    east_m = radians(hit.cell.lon_step_deg) * SEMI_MAJOR_M * cos(lat) / w
-    return unit((-(b + d * east) / north_m, (c + d * south) / east_m, 1.0))
+    north_m = radians(cell.lat_step_deg) * SEMI_MAJOR_M * (1.0 - ECCENTRICITY2) / w**3
+    east_m = radians(cell.lon_step_deg) * SEMI_MAJOR_M * cos(lat) / w
+    return -(b + d * east) / north_m, (c + d * south) / east_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from math import radians
 
 from fwav_companion import __version__
 from fwav_companion.camera import Calibration
@@ -91,7 +92,7 @@ def make_pipeline(
     ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: time for
     which attitudes are kept, for callers that read them long afterwards; None: as long as flying needs them.
     ``clock_rate``: rate of the autopilot's clock from all arrivals of a recording. ``written``: false where the lines
-    are not used. ``smooths``: the smoother estimates, where it knows the ground model and the mount.
+    are not used. ``smooths``: the smoother estimates.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -197,11 +198,12 @@ def _camera_parts(
 ) -> CameraParts:
     """The rooms of a camera's pipeline before the first frame."""
     landmarks = [landmark.known for landmark in config.landmark]
-    tracker = _tracker(config, vehicle, kept, own_filter, smooths=smooths)
+    ground = _ground(config, elevation)
+    tracker = _tracker(config, vehicle, kept, own_filter, ground=ground if smooths else None)
     tracker.reports_innovations = sightings
     return CameraParts(
         make_pairer(config, calibration),
-        localizer=Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m),
+        localizer=Localizer(ground, config.priors, min_height_m=config.ground.min_height_m),
         reorder=Reorder(tracker, LATEST_FRAME_NS) if config.publish.landing_target else Reorder(tracker),
         agreement=FixAgreement(config.priors),
         readout=ReadoutAdvice(config.priors),
@@ -210,25 +212,37 @@ def _camera_parts(
 
 
 def _tracker(
-    config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *, smooths: bool
+    config: Config,
+    vehicle: VehicleSource,
+    kept: KeptCalibration | None,
+    own_filter: Filter | None,
+    *,
+    ground: Ground | None,
 ) -> Tracker:
-    """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects."""
+    """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects.
+
+    ``ground``: of the smoother; None: the smoother does not estimate.
+    """
     priors = config.priors
     if own_filter is not None:
         self_calibration = config.tracking.self_calibration
         return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
     options = tracking_options(config)
     landmarks = [landmark.known for landmark in config.landmark]
-    if smooths and isinstance(vehicle, Telemetry) and _is_smoothed(config):
-        lever_m = config.camera.mount.lever_arm_m
-        return smoothed_tracker(options, priors, vehicle, kept, lever_m=lever_m, landmarks=landmarks)
+    if ground is not None and isinstance(vehicle, Telemetry) and options.filter == "kalman":
+        mount = config.camera.mount
+        heading_sigma = radians(mount.gimbal_yaw_bias_deg) if mount.gimbal_device_id else None
+        return smoothed_tracker(
+            options,
+            priors,
+            vehicle,
+            kept,
+            lever_m=mount.lever_arm_m,
+            ground=ground.reference,
+            gimbal_heading_sigma=heading_sigma,
+            landmarks=landmarks,
+        )
     return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks)
-
-
-def _is_smoothed(config: Config) -> bool:
-    """Whether the smoother knows this configuration: a camera fixed to the body, ground at home's altitude."""
-    fixed, level = not config.camera.mount.gimbal_device_id, config.ground.model == "home"
-    return fixed and level and config.tracking.filter == "kalman"
 
 
 def own_components(config: Config) -> frozenset[int]:

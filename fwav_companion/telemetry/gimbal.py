@@ -32,7 +32,7 @@ from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
-from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
+from fwav_companion.types import GimbalAt, Message, Reason, ReportedGimbal, Unpaired
 from fwav_companion.types.flight_status import GimbalReport
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
@@ -89,9 +89,12 @@ class _GimbalAttitude(msgspec.Struct, frozen=True, gc=False, order=True):
 class Gimbal:
     """The gimbal with the configured id: 1 to 6 behind the autopilot, else the MAVLink component itself."""
 
-    def __init__(self, device_id: int, clock_rate: float = 1.0) -> None:
-        """``clock_rate``: rate of the vehicle's clock, with which a simulator's gimbal runs too."""
+    def __init__(self, device_id: int, clock_rate: float = 1.0, *, delay_ns: int = 0) -> None:
+        """``clock_rate``: rate of the vehicle's clock, with which a simulator's gimbal runs too. ``delay_ns``: age of
+        an attitude at its stamp.
+        """
         self._device_id, self._clock_rate = device_id, clock_rate
+        self._shift_ns = HALF_MS_NS - delay_ns
         self._clock = Clock(clock_rate)
         self._timeline = BootTimeline()
         self._looks: list[_GimbalAttitude] = []
@@ -134,7 +137,7 @@ class Gimbal:
             return
         roll, pitch, yaw, from_north = angles
         self._clock.on_arrival(placed, arrival_ns)
-        self._insert(_GimbalAttitude(placed + HALF_MS_NS, quaternion_from_euler(roll, pitch, yaw), from_north))
+        self._insert(_GimbalAttitude(placed + self._shift_ns, quaternion_from_euler(roll, pitch, yaw), from_north))
 
     def on_message(self, fields: Any, arrival_ns: HostNs) -> None:
         """Take an attitude of this gimbal; an implausible one is counted."""
@@ -152,7 +155,7 @@ class Gimbal:
             self._refused += 1
             return
         self._clock.on_arrival(placed, arrival_ns)
-        self._insert(_GimbalAttitude(placed + HALF_MS_NS, levelled, counts_from_north(fields.flags, delta_yaw)))
+        self._insert(_GimbalAttitude(placed + self._shift_ns, levelled, counts_from_north(fields.flags, delta_yaw)))
 
     def clear(self) -> None:
         """Delete every attitude, and the estimate of the gimbal's clock."""
@@ -187,6 +190,22 @@ class Gimbal:
             sigma = hypot(sigma, body.sigma)
         sigma = hypot(sigma, norm(rates) * stamp_sigma_s)
         return GimbalAt(q, rates, sigma, gap_s) if sigma <= MOST_SIGMA else Reason.NO_GIMBAL
+
+    def reported_at(self, boot_ns: BootNs, autopilot: Clock) -> ReportedGimbal | Reason:
+        """The attitude between two reports at this instant of the autopilot's clock, its yaw as reported.
+
+        STALE_GIMBAL while no report lies beyond the instant.
+        """
+        stamp = self._stamp_of(boot_ns, autopilot)
+        if stamp is None or not self._looks:
+            return Reason.NO_GIMBAL
+        if stamp[0] > self._looks[-1].stamp_ns:
+            return Reason.STALE_GIMBAL
+        found = self._between(stamp[0])
+        if isinstance(found, Reason):
+            return Reason.NO_GIMBAL
+        q, rates, sigma, _, from_north = found
+        return ReportedGimbal(q, from_north, hypot(sigma, norm(rates) * stamp[1]))
 
     def status(self, now: HostNs) -> GimbalReport:
         """Part of the status: the newest attitude, and the uncertainty between two."""

@@ -142,6 +142,10 @@ class RecentValues:
         self._times.clear()
         self._values.clear()
 
+    def after(self, boot_ns: BootNs) -> list[object]:
+        """The stored values later than this instant, in order of time."""
+        return self._values[bisect_right(self._times, boot_ns) :]
+
     def near(self, boot_ns: BootNs, within_ns: int) -> object | None:
         """Value nearest to this instant, or None where none lies within ``within_ns``."""
         times = self._times

@@ -23,7 +23,16 @@ from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
-from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaired, VehicleState
+from fwav_companion.types import (
+    AttitudeSample,
+    ClockExchange,
+    Message,
+    RangeSample,
+    Reason,
+    ReportedGimbal,
+    Unpaired,
+    VehicleState,
+)
 from fwav_companion.types.flight_status import TelemetryReport
 
 ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
@@ -52,6 +61,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     alone."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
+    gimbal_delay_s: float = 0.0
+    """Age of a gimbal's attitude at its stamp, seconds."""
 
 
 class Telemetry:
@@ -72,7 +83,8 @@ class Telemetry:
         self._timeline = BootTimeline()
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
         device_id = options.gimbal_device_id
-        self._gimbal = Gimbal(device_id, options.clock_rate) if device_id else None
+        delay_ns = ns_from_s(options.gimbal_delay_s)
+        self._gimbal = Gimbal(device_id, options.clock_rate, delay_ns=delay_ns) if device_id else None
         bias = PositionBias() if options.position_bias_by_receiver else None
         self._kept = VehicleHistory(
             self.clock,
@@ -182,6 +194,14 @@ class Telemetry:
     def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
         """Instants of the stored positions later than the instant, in order, and whether the position jumped there."""
         return self._kept.positions_after(boot_ns)
+
+    def ranges_after(self, boot_ns: BootNs) -> list[RangeSample]:
+        """Stored readings of the rangefinder later than the instant, in order of time."""
+        return self._kept.ranges_after(boot_ns)
+
+    def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:
+        """Attitude between two reports of the gimbal that carries the camera, or the reason why it is not known."""
+        return self._kept.gimbal_at(boot_ns)
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""

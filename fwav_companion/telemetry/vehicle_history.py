@@ -13,7 +13,15 @@ from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
 from fwav_companion.telemetry.position_bias import PositionBias
-from fwav_companion.types import AttitudeSample, HeightSource, RangeSample, Unpaired, VehicleState
+from fwav_companion.types import (
+    AttitudeSample,
+    HeightSource,
+    RangeSample,
+    Reason,
+    ReportedGimbal,
+    Unpaired,
+    VehicleState,
+)
 
 RANGE_NEAR_NS = 200_000_000
 """Age up to which a rangefinder reading counts as simultaneous; readings come at 10 Hz and more."""
@@ -106,6 +114,14 @@ class VehicleHistory:
     def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
         """Instants of the stored positions later than the instant, in order, and whether the position jumped there."""
         return [(each, self.positions.begins_piece(each)) for each in self.positions.times_after(boot_ns)]
+
+    def ranges_after(self, boot_ns: BootNs) -> list[RangeSample]:
+        """Stored readings of the rangefinder later than the instant, in order of time."""
+        return [each for each in self.ranges.after(boot_ns) if isinstance(each, RangeSample)]
+
+    def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:
+        """Attitude between two reports of the gimbal that carries the camera, or the reason why it is not known."""
+        return Reason.NO_GIMBAL if self._gimbal is None else self._gimbal.reported_at(boot_ns, self._clock)
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""

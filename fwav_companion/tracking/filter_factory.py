@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from fwav_companion.geometry.stamps import NS_PER_S
@@ -14,7 +14,7 @@ from fwav_companion.tracking.filters.lowpass import LowPass
 from fwav_companion.tracking.filters.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.types import ErrorPriors, Landmark
+from fwav_companion.types import ErrorPriors, GroundReference, Landmark
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -71,10 +71,13 @@ def smoothed_tracker(
     kept: KeptCalibration | None = None,
     *,
     lever_m: Vector3,
+    ground: Callable[[], GroundReference],
+    gimbal_heading_sigma: float | None = None,
     landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
     """The tracker by the smoother, for static and moving targets. It needs numpy.
 
+    ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
     Moving targets are not smoothed yet: a second tracker treats all as static and calibrates.
     """
     from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
@@ -83,7 +86,7 @@ def smoothed_tracker(
     smoothed = SmoothedTracker(
         StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
         consider=not options.self_calibration, patience_ns=PATIENCE_NS if moving else 0,
-        landmarks=landmarks,
+        landmarks=landmarks, ground=ground, gimbal_heading_sigma=gimbal_heading_sigma,
     )  # fmt: skip
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed
 

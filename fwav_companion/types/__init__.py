@@ -19,6 +19,7 @@ from fwav_companion.types.camera import (
     StampClock,
 )
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
+from fwav_companion.types.ground_reference import GroundReference, HeightReference, Surface
 from fwav_companion.types.landmarks import Landmark, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.reasons import Reason
@@ -43,6 +44,7 @@ from fwav_companion.types.telemetry import (
     HeightSource,
     PositionSample,
     RangeSample,
+    ReportedGimbal,
     TakeOff,
     TakeOffSource,
     VehicleState,
@@ -72,6 +74,8 @@ __all__ = [
     "FrameView",
     "GimbalAt",
     "GroundFix",
+    "GroundReference",
+    "HeightReference",
     "HeightSource",
     "Innovation",
     "Landmark",
@@ -94,11 +98,13 @@ __all__ = [
     "RangeSample",
     "Ray",
     "Reason",
+    "ReportedGimbal",
     "Severity",
     "Sighting",
     "Situation",
     "StampClock",
     "StandingTarget",
+    "Surface",
     "TakeOff",
     "TakeOffSource",
     "Track",

@@ -147,6 +147,16 @@ class GimbalAt(msgspec.Struct, frozen=True, gc=False):
     """Time to the nearest attitude sample of the gimbal, seconds, >= 0."""
 
 
+class ReportedGimbal(msgspec.Struct, frozen=True, gc=False):
+    """A gimbal's attitude as its reports show it."""
+
+    attitude: Quaternion
+    """Levelled; its yaw counts from north or from the vehicle's heading."""
+    from_north: bool
+    sigma: float
+    """One sigma about each axis by interpolation, radians."""
+
+
 class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """Interpolated state of the vehicle at one instant."""
 

@@ -6,7 +6,7 @@ import pytest
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
-from fwav_companion.types import Landmark, LandmarkState
+from fwav_companion.types import GroundReference, HeightReference, Landmark, LandmarkState
 
 MARK = Landmark("mark", Geodetic(47.0, 8.0, 400.0), 0.05)
 
@@ -20,8 +20,12 @@ class FakeEstimator:
         self.renamed.append((old, new))
 
 
-def sight(height_above_home_m=12.0, drop_m=11.5):
-    sighting = SimpleNamespace(camera_height_above_home_m=height_above_home_m, anchor_sigma_m=0.0)
+HOME = GroundReference(HeightReference.ALTITUDE, level_m=0.2)
+
+
+def sight(drop_m=11.5):
+    """A sight from 12 m above the origin."""
+    sighting = SimpleNamespace(camera_ned=(0.0, 0.0, -12.0), anchor_height_m=0.0, anchor_sigma_m=0.0)
     return SimpleNamespace(landmark=0, fix=SimpleNamespace(sighting=sighting, drop_m=drop_m), north_m=3.0, east_m=-2.0)
 
 
@@ -30,25 +34,26 @@ def estimator():
     return FakeEstimator()
 
 
-def test_first_sight_gives_the_track_the_survey_with_its_height_above_home(estimator):
-    SmoothedLandmarks([MARK]).add(sight(), 4, estimator)
+def test_sight_gives_the_track_the_survey_with_its_height_above_the_ground(estimator):
+    SmoothedLandmarks([MARK]).add(sight(), 4, estimator, HOME)
     prior = estimator.targets[4]
     assert prior.place == (3.0, -2.0)
-    assert prior.height_m == pytest.approx(0.5)
+    assert prior.height_m == pytest.approx(0.3)
     assert (prior.place_sigma_m, prior.height_sigma_m) == (0.05, 0.05)
 
 
 def test_later_track_of_a_landmark_continues_the_earlier_one(estimator):
     landmarks = SmoothedLandmarks([MARK])
     for track in (4, 4, 7):
-        landmarks.add(sight(), track, estimator)
+        landmarks.add(sight(), track, estimator, HOME)
     assert estimator.renamed == [(4, 7)]
     assert set(estimator.targets) == {4, 7}
 
 
-def test_sight_without_a_height_above_home_is_not_used(estimator):
-    SmoothedLandmarks([MARK]).add(sight(height_above_home_m=None), 4, estimator)
-    assert estimator.targets == {}
+@pytest.mark.parametrize("height", [HeightReference.CONSTANT, HeightReference.RANGE, HeightReference.TERRAIN_REPORT])
+def test_landmark_lies_on_ground_from_which_heights_count(estimator, height):
+    SmoothedLandmarks([MARK]).add(sight(), 4, estimator, GroundReference(height, level_m=7.0))
+    assert (estimator.targets[4].height_m, estimator.targets[4].height_sigma_m) == (0.0, 0.05)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +62,7 @@ def test_sight_without_a_height_above_home_is_not_used(estimator):
 def test_record_names_a_survey_that_the_solve_left_out(estimator, weight, state, off_m):
     landmarks = SmoothedLandmarks([MARK])
     assert landmarks.records(estimator)[0].state is LandmarkState.UNSEEN
-    landmarks.add(sight(), 4, estimator)
+    landmarks.add(sight(), 4, estimator, HOME)
     estimator.estimate.targets[4], estimator.estimate.surveys[4] = (3.3, -1.6, 0.0), weight
     record = landmarks.records(estimator)[0]
     assert (record.label, record.state) == ("mark", state)
@@ -67,6 +72,6 @@ def test_record_names_a_survey_that_the_solve_left_out(estimator, weight, state,
 def test_snapshot_is_not_changed_by_later_sights(estimator):
     landmarks = SmoothedLandmarks([MARK])
     before = landmarks.copy()
-    landmarks.add(sight(), 4, estimator)
+    landmarks.add(sight(), 4, estimator, HOME)
     estimator.estimate.targets[4] = (3.0, -2.0, 0.0)
     assert before.records(estimator)[0].state is LandmarkState.UNSEEN

@@ -9,6 +9,9 @@ import numpy as np
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
     CAMERA_DELAY,
+    GIMBAL_DELAY,
+    GIMBAL_HEADING,
+    GIMBAL_SHARED,
     HEADING,
     HEIGHT,
     LEVER,
@@ -41,25 +44,39 @@ _SOURCES = {
 """The bias of [uncertainty] behind each shared parameter."""
 
 
-def shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> SharedPriors:
+GRASS_M = 0.1
+"""Least roughness of the ground under a rangefinder's beam."""
+GIMBAL_DELAY_SIGMA_S = 0.05
+"""One sigma of the age of a gimbal's attitude against its stamp."""
+
+
+def shared_priors(
+    priors: ErrorPriors, kept: KeptCalibration | None, gimbal_heading_sigma: float | None = None
+) -> SharedPriors:
     """Priors of the shared parameters. ``kept``: a calibration of an earlier flight, narrower than the configuration.
 
     A kept mount is a correction (true minus configured); the smoother's errors are reported minus true.
+    ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
     """
-    mean, sigma = np.zeros(BODY_SHARED), np.zeros(BODY_SHARED)
+    size = BODY_SHARED if gimbal_heading_sigma is None else GIMBAL_SHARED
+    mean, sigma = np.zeros(size), np.zeros(size)
     for index, bias in _SOURCES.items():
         sigma[index] = priors.sigma(bias)
+    if gimbal_heading_sigma is not None:
+        sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal_heading_sigma, GIMBAL_DELAY_SIGMA_S
     if kept is not None:
         mean[CAMERA_DELAY], mean[MOUNT] = kept.time_offset_s, [-angle for angle in kept.mount]
         sigma[CAMERA_DELAY], sigma[MOUNT] = kept.time_offset_sigma_s, kept.mount_sigma
     return SharedPriors(mean, sigma)
 
 
-def sample_noise(priors: ErrorPriors, position_bias_m: float | None, stamp_sigma_s: float) -> SampleNoise:
+def sample_noise(
+    priors: ErrorPriors, position_bias_m: float | None, stamp_sigma_s: float, height_wander_m: float = 0.0
+) -> SampleNoise:
     """Noise of single samples. ``position_bias_m``: the receiver's own accuracy; None: as configured.
 
     ``stamp_sigma_s``: of a picture's instant on the attitudes' clock. Telemetry has already corrected the mean delay of
-    the attitudes' stamps.
+    the attitudes' stamps. ``height_wander_m``: of the height above the ground (``flight_ground``).
     """
     wander_m = priors.sigma(Bias.POSITION_NORTH) if position_bias_m is None else position_bias_m
     return SampleNoise(
@@ -68,6 +85,8 @@ def sample_noise(priors: ErrorPriors, position_bias_m: float | None, stamp_sigma
         position_m=hypot(priors.position_noise_m, 1e-3),
         height_m=hypot(priors.height_noise_m, 1e-3),
         position_wander_m=wander_m,
+        height_wander_m=height_wander_m,
         wander_times_s=priors.position_times_s,
         stamp_jitter_s=stamp_sigma_s,
+        roughness_m=max(GRASS_M, priors.sigma(Bias.TERRAIN)),
     )

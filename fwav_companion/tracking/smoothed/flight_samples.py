@@ -1,8 +1,12 @@
-"""Telemetry and ground fixes as the smoother's input. Times are seconds on the autopilot's clock."""
+"""Telemetry and ground fixes as the smoother's input. Times are seconds on the autopilot's clock.
+
+Heights are those of the camera above the origin, or above the ground where the ground model counts from there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -10,10 +14,29 @@ import numpy as np
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.geometry.rotations import rotate
-from fwav_companion.geometry.stamps import BootNs, s_from_ns
+from fwav_companion.estimation.range_readings import RangeReading
+from fwav_companion.geometry.gimbal import heading_only
+from fwav_companion.geometry.rotations import conjugate, matrix_from_quaternion, multiply, rotate
+from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, cross
-from fwav_companion.types import AttitudeSample, GroundFix, Unpaired, VehicleState
+from fwav_companion.types import (
+    AttitudeSample,
+    Bias,
+    ErrorPriors,
+    GroundFix,
+    GroundReference,
+    HeightReference,
+    RangeSample,
+    Reason,
+    ReportedGimbal,
+    Unpaired,
+    VehicleState,
+)
+
+GIMBAL_STEP_NS = 20 * NS_PER_MS
+"""Interval of a gimbal's attitudes: it turns by 0.1 degrees within it at 5 degrees a second."""
+LEAST_PLUMB = 0.5
+"""Least down component of a rangefinder's beam: beyond 60 degrees of tilt it measures another place."""
 
 
 class SampleSource(Protocol):
@@ -25,6 +48,14 @@ class SampleSource(Protocol):
     def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
         """Instants of positions later than the instant, in order, and whether the position jumped there."""
 
+    def ranges_after(self, boot_ns: BootNs) -> list[RangeSample]:
+        """A rangefinder's readings later than the instant, in order of time."""
+
+    def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:
+        """Attitude of the gimbal that carries the camera between two of its reports, or the reason why it is not
+        known.
+        """
+
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
         """The state of the vehicle at this instant, or the reason why it is not known."""
 
@@ -32,45 +63,117 @@ class SampleSource(Protocol):
 class FlightSamples:
     """Hands each sample of the telemetry to the smoother once."""
 
-    __slots__ = ("_attitude_ns", "_lever_m", "_position_ns", "_source")
+    __slots__ = (
+        "_attitude_ns", "_gimbal_ns", "_has_gimbal", "_lever_m", "_position_ns", "_priors", "_range_ns", "_source",
+        "level_m",
+    )  # fmt: skip
 
-    def __init__(self, source: SampleSource, lever_m: Vector3) -> None:
+    def __init__(self, source: SampleSource, lever_m: Vector3, priors: ErrorPriors, *, has_gimbal: bool) -> None:
         """``lever_m``: from the reported position to the camera, body axes, metres."""
-        self._source, self._lever_m = source, lever_m
-        self._attitude_ns = self._position_ns = BootNs(-1)
+        self._source, self._lever_m, self._priors, self._has_gimbal = source, lever_m, priors, has_gimbal
+        self.restart()
 
     def restart(self) -> None:
         """Forget what was handed over: the next smoother takes all stored samples."""
-        self._attitude_ns = self._position_ns = BootNs(-1)
+        self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
+        self.level_m: float | None = None
+        """Level of the ground by a rangefinder's first reading, metres above the origin."""
 
-    def feed(self, estimator: Estimator) -> None:
-        """Hand over what came since."""
+    def feed(self, estimator: Estimator, reference: GroundReference) -> None:
+        """Hand over what came since. ``reference``: the source of heights."""
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(s_from_ns(sample.boot_ns), np.array(sample.ned_from_body))
             self._attitude_ns = sample.boot_ns
+        if self._has_gimbal:
+            self._feed_gimbal(estimator)
         for boot_ns, jumped in self._source.positions_after(self._position_ns):
             if boot_ns > self._attitude_ns:
                 break  # its attitude, which places the camera, is still to come
             self._position_ns = boot_ns
             state = self._source.state_at(boot_ns)
             if isinstance(state, VehicleState):
-                self._add(estimator, state, reset=jumped)
+                self._add(estimator, state, reference, reset=jumped)
+        if reference.height is HeightReference.RANGE:
+            self._feed_ranges(estimator)
 
-    def _add(self, estimator: Estimator, state: VehicleState, *, reset: bool) -> None:
-        """Add the camera's position: the vehicle's, moved by the lever arm. Its height is that above home."""
-        position, velocity, height_m = state.position_ned, state.velocity_ned, state.height_above_home_m
-        if position is None or velocity is None or height_m is None:
+    def _add(self, estimator: Estimator, state: VehicleState, reference: GroundReference, *, reset: bool) -> None:
+        """Add the camera's position: the vehicle's, moved by the lever arm."""
+        position, velocity = state.position_ned, state.velocity_ned
+        if position is None or velocity is None:
             return
         north, east, down = rotate(state.ned_from_body, self._lever_m)
         v_north, v_east, v_down = rotate(state.ned_from_body, cross(state.rates, self._lever_m))
-        camera = np.array([position[0] + north, position[1] + east, height_m - down])
-        moved = np.array([velocity[0] + v_north, velocity[1] + v_east, -velocity[2] - v_down])
+        height_m, climb_m_s = -position[2] - down, -velocity[2] - v_down
+        if reference.height is HeightReference.CONSTANT:
+            height_m, climb_m_s = reference.level_m, 0.0
+        elif reference.height is HeightReference.TERRAIN_REPORT:
+            if state.terrain_height_m is None:
+                return
+            height_m = state.terrain_height_m - down
+        camera = np.array([position[0] + north, position[1] + east, height_m])
+        moved = np.array([velocity[0] + v_north, velocity[1] + v_east, climb_m_s])
         estimator.add_position(s_from_ns(state.boot_ns), camera, moved, reset=reset)
+
+    def _feed_ranges(self, estimator: Estimator) -> None:
+        for sample in self._source.ranges_after(self._range_ns):
+            if sample.boot_ns > self._attitude_ns:
+                break
+            self._range_ns = sample.boot_ns
+            state = self._source.state_at(sample.boot_ns)
+            if isinstance(state, VehicleState) and state.position_ned is not None:
+                self._add_range(estimator, sample, state, state.position_ned)
+
+    def _add_range(self, estimator: Estimator, sample: RangeSample, state: VehicleState, position: Vector3) -> None:
+        """Add a reading: the beam's depth, from the camera. Errors of the attitude tilt the beam."""
+        beam = rotate(state.ned_from_body, sample.beam_in_body)
+        if beam[2] < LEAST_PLUMB:
+            return
+        lever_down_m = rotate(state.ned_from_body, self._lever_m)[2]
+        depth_m = sample.distance_m * beam[2]
+        tilt = hypot(self._priors.sigma(Bias.ROLL), self._priors.attitude_noise)
+        sigma_m = hypot(
+            (sample.sigma_m or self._priors.height_noise_m) * beam[2],
+            sample.distance_m * hypot(beam[0], beam[1]) * tilt,
+        )
+        foot = (position[0] + sample.distance_m * beam[0], position[1] + sample.distance_m * beam[1])
+        if self.level_m is None:
+            self.level_m = -position[2] - depth_m
+        estimator.add_range(RangeReading(s_from_ns(sample.boot_ns), depth_m - lever_down_m, sigma_m), foot)
+
+    def _feed_gimbal(self, estimator: Estimator) -> None:
+        """Add the gimbal's attitudes in steps that are finer than its reports, interpolated as it turns: evenly.
+
+        A polynomial through reports of 5 Hz would overshoot where a gimbal begins or ends a slew.
+        """
+        if self._gimbal_ns < 0:
+            first = self._source.attitudes_after(BootNs(-1))
+            self._gimbal_ns = first[0].boot_ns if first else self._gimbal_ns
+        while 0 <= self._gimbal_ns < self._attitude_ns:
+            found = self._source.gimbal_at(self._gimbal_ns)
+            if found is Reason.STALE_GIMBAL:
+                break  # the next report is still to come
+            if isinstance(found, ReportedGimbal):
+                self._add_gimbal(estimator, self._gimbal_ns, found)
+            self._gimbal_ns = BootNs(self._gimbal_ns + GIMBAL_STEP_NS)
+
+    def _add_gimbal(self, estimator: Estimator, boot_ns: BootNs, reported: ReportedGimbal) -> None:
+        """Add an attitude. Its yaw counts as that of the first one: another zero is converted by the heading."""
+        carrier, q = estimator.carrier, reported.attitude
+        t = s_from_ns(boot_ns)
+        if carrier.gimbal is not None and not len(carrier.gimbal):
+            carrier.yaw_from_north = reported.from_north
+        if carrier.yaw_from_north != reported.from_north:
+            state = self._source.state_at(boot_ns)
+            if isinstance(state, Unpaired):
+                return
+            heading = heading_only(matrix_from_quaternion(state.ned_from_body))
+            q = multiply(conjugate(heading) if reported.from_north else heading, q)
+        estimator.add_gimbal_attitude(t, np.array(q))
 
 
 def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
     """The detections of a frame's fixes, in their order, without targets."""
-    rays, mounts, by_u, by_v, sigma, t, rows = [], [], [], [], [], [], []
+    rays, mounts, by_u, by_v, sigma, t, rows, own = [], [], [], [], [], [], [], []
     for fix in fixes:
         sighting = fix.sighting
         t.append(s_from_ns(sighting.boot_ns))
@@ -80,11 +183,13 @@ def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
         by_u.append(sighting.ray.d_du)
         by_v.append(sighting.ray.d_dv)
         sigma.append(sighting.pixel_sigma)
+        own.append((0.0 if sighting.state.gimbal is None else sighting.state.carrier_sigma, 0.0, 0.0))
     mount = np.array(mounts)  # (D, 3, 3)
     count, columns = len(fixes), np.array([rays, by_u, by_v]).reshape(3, len(fixes), 3)
     ray, u, v = np.einsum("dij,cdj->cid", mount, columns)  # (3, D) each, carrier axes
     frame, none = np.full(count, number, np.int64), np.full(count, -1, np.int64)
-    return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows))
+    noise = np.array(own).T if np.any(own) else None
+    return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows), noise)
 
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:

@@ -6,10 +6,21 @@ from collections.abc import Sequence
 from math import hypot
 
 import msgspec
+import numpy as np
 
+from fwav_companion.estimation.errors import HEIGHT
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
-from fwav_companion.types import Landmark, LandmarkRecord, LandmarkSight, LandmarkState
+from fwav_companion.tracking.smoothed.flight_ground import surface_of
+from fwav_companion.types import (
+    GroundReference,
+    HeightReference,
+    Landmark,
+    LandmarkAltitude,
+    LandmarkRecord,
+    LandmarkSight,
+    LandmarkState,
+)
 
 LEFT_OUT_WEIGHT = 0.5
 """Weight of a survey below which the landmark is reported as left out."""
@@ -36,28 +47,48 @@ class SmoothedLandmarks:
         """A snapshot."""
         return SmoothedLandmarks(self._landmarks, self._found)
 
-    def add(self, sight: LandmarkSight, track: int, estimator: Estimator) -> None:
-        """Take a sight of a confirmed track. Its first one gives the track's target the survey as its prior.
+    @property
+    def tracks(self) -> frozenset[int]:
+        """Tracks whose place has a survey as its prior."""
+        return frozenset(found.track for found in self._found.values())
+
+    def add(self, sight: LandmarkSight, track: int, estimator: Estimator, reference: GroundReference) -> None:
+        """Take a sight of a confirmed track, which gives the track's target the survey as its prior.
 
         A later track of the same landmark continues it: one survey is one measurement.
         """
         before = self._found.get(sight.landmark)
-        if before is None or before.track != track:
-            prior = self._prior(sight)
-            if prior is None:
-                return
-            if before is not None:
-                estimator.rename(before.track, track)
-            estimator.targets[track] = prior
+        if before is not None and before.track != track:
+            estimator.rename(before.track, track)
+        estimator.targets[track] = self._prior(sight, reference)
         self._found[sight.landmark] = SurveyedTarget(track, 1 + (0 if before is None else before.used))
 
-    def _prior(self, sight: LandmarkSight) -> TargetPrior | None:
-        """The survey, its height above home by the camera's two heights; None without one of them."""
+    def _prior(self, sight: LandmarkSight, reference: GroundReference) -> TargetPrior:
+        """The survey, its height above the ground's surface by both altitudes.
+
+        Where heights count from the ground itself, a landmark lies on it: its altitude says nothing of them.
+        """
         sighting, sigma_m = sight.fix.sighting, self._landmarks[sight.landmark].sigma_m
-        if sighting.camera_height_above_home_m is None:
+        height_m, height_sigma_m = sighting.anchor_height_m, hypot(sigma_m, sighting.anchor_sigma_m)
+        place = (sight.north_m, sight.east_m)
+        if reference.height is HeightReference.ALTITUDE:
+            ground, _ = surface_of(reference).height(np.array(place)[:, None])
+            height_m = -sighting.camera_ned[2] - sight.fix.drop_m - float(ground[0])
+        return TargetPrior(place, sigma_m, height_m, height_sigma_m)
+
+    def altitude(self, estimator: Estimator, reference: GroundReference) -> LandmarkAltitude | None:
+        """Error of the vehicle's altitude by the used landmarks, named by the first of them; None without one."""
+        live, counts = estimator.live, reference.height is HeightReference.ALTITUDE
+        used = [
+            i
+            for i, found in sorted(self._found.items())
+            if estimator.estimate.surveys.get(found.track, 0.0) >= LEFT_OUT_WEIGHT
+        ]
+        if live is None or not used or not counts:
             return None
-        height_m = sighting.camera_height_above_home_m - sight.fix.drop_m
-        return TargetPrior((sight.north_m, sight.east_m), sigma_m, height_m, hypot(sigma_m, sighting.anchor_sigma_m))
+        rows = np.array([HEIGHT, live.error + 2])
+        variance, sigma_m = float(live.covariance[np.ix_(rows, rows)].sum()), self._landmarks[used[0]].sigma_m
+        return LandmarkAltitude(used[0], float(live.mean[rows].sum()), hypot(variance**0.5, sigma_m))
 
     def records(self, estimator: Estimator) -> tuple[LandmarkRecord, ...]:
         """The record of each landmark."""

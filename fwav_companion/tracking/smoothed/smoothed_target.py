@@ -24,11 +24,11 @@ from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 class FrameAnswers:
     """The smoother's answers at one frame: predicted measurements, and places at its capture."""
 
-    __slots__ = ("_estimator", "_gates", "camera_from_vehicle", "t", "vehicle_ned")
+    __slots__ = ("_estimator", "_gates", "camera_from_vehicle", "is_mapped", "t", "vehicle_ned")
 
-    def __init__(self, estimator: Estimator, t: float, view: FrameView) -> None:
-        """``t``: capture of row 0, seconds on the autopilot's clock."""
-        self._estimator, self.t = estimator, t
+    def __init__(self, estimator: Estimator, t: float, view: FrameView, *, is_mapped: bool = False) -> None:
+        """``t``: capture of row 0, seconds on the autopilot's clock. ``is_mapped``: the ground is an elevation model."""
+        self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
         self.vehicle_ned = view.vehicle_ned
         self.camera_from_vehicle: Vector3 = (0.0, 0.0, 0.0)
         at_row = view.fixes[0].sighting if view.fixes else None
@@ -59,13 +59,17 @@ class FrameAnswers:
         """Gating statistics of a fix of this frame."""
         return self._gates.get((target, id(fix)), OUTSIDE_GATE)
 
+    def point_height_m(self, target: int) -> float:
+        """Height of a target's detected point above its foot, metres."""
+        return self._estimator.model.target(target).height_m
+
     def answer(self, target: int) -> TargetAnswer | None:
         """A target at the frame's capture; None where the smoother does not hold it."""
         return None if self.vehicle_ned is None else self._estimator.answer(target, self.t)
 
 
 class SmoothedTarget(msgspec.Struct, frozen=True):
-    """A static target by the smoother; its height is by its own filter."""
+    """A static target by the smoother. On flat ground its height is that of the ground, by its own filter."""
 
     frame: FrameAnswers
     track: int
@@ -77,28 +81,37 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
     @property
     def position_ned(self) -> Vector3:
         """Position in NED, metres."""
-        return (float(self.answer.place[0]), float(self.answer.place[1]), self.own.position_ned[2])
+        north, east, up = self.answer.place.tolist()
+        return (north, east, self._down(-up))
 
     @property
     def cov(self) -> Matrix3:
         """Covariance of the position by every source of error, NED, m^2."""
-        return self._level(self.answer.covariance)
+        return self._ned(self.answer.covariance)
 
     @property
     def apparent_ned(self) -> Vector3:
         """The reported vehicle plus the target relative to it, NED, metres."""
         vehicle, lever = self.frame.vehicle_ned or (0.0, 0.0, 0.0), self.frame.camera_from_vehicle
-        north, east = (float(self.answer.relative[i]) + vehicle[i] + lever[i] for i in (0, 1))
-        return (north, east, self.own.position_ned[2])
+        north, east, up = self.answer.relative.tolist()
+        down = self._down(vehicle[2] + lever[2] - up)
+        return (north + vehicle[0] + lever[0], east + vehicle[1] + lever[1], down)
 
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
-        return self._level(self.answer.relative_covariance)
+        return self._ned(self.answer.relative_covariance)
 
-    def _level(self, covariance: Array) -> Matrix3:
-        (nn, ne), (_, ee) = covariance[:2, :2].tolist()
-        return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.own.cov[2][2]))
+    def _down(self, of_point_m: float) -> float:
+        if not self.frame.is_mapped:
+            return self.own.position_ned[2]
+        return of_point_m + self.frame.point_height_m(self.track)
+
+    def _ned(self, covariance: Array) -> Matrix3:
+        (nn, ne, nu), (_, ee, eu), (_, _, uu) = covariance.tolist()
+        if not self.frame.is_mapped:
+            return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.own.cov[2][2]))
+        return ((nn, ne, -nu), (ne, ee, -eu), (-nu, -eu, uu))
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix of this frame, by the live posterior."""

@@ -24,6 +24,13 @@ from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
+from fwav_companion.tracking.smoothed.flight_ground import (
+    ReferenceNow,
+    height_wander_m,
+    level_at_home,
+    surface_of,
+    target_height,
+)
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, SampleSource, sightings_of
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
@@ -31,7 +38,18 @@ from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, Smoot
 from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.types import ErrorPriors, FrameView, Landmark, LandmarkRecord, Reason, Track, VehicleState
+from fwav_companion.types import (
+    ErrorPriors,
+    FrameView,
+    GroundReference,
+    HeightReference,
+    Landmark,
+    LandmarkAltitude,
+    LandmarkRecord,
+    Reason,
+    Track,
+    VehicleState,
+)
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
@@ -75,6 +93,8 @@ class Smoothing:
     waiting: dict[int, tuple[Sightings, ...]]
     """Detections of tentative tracks, by track id."""
     landmarks: SmoothedLandmarks
+    reference: GroundReference
+    """The ground of the estimator's model."""
     renamed: frozenset[int] = frozenset()
     """Ids of merged tracks whose detections are counted as the senior's."""
 
@@ -91,35 +111,43 @@ class SmoothedTracker(Tracker):
     __slots__ = (
         "_answers",
         "_consider",
+        "_ground",
         "_host_ns",
-        "_kept",
         "_known",
         "_priors",
         "_samples",
         "_sights",
         "_smoothing",
         "_solver",
+        "_start",
     )
 
     def __init__(
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
         kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = in_line, patience_ns: int = 0,
-        landmarks: Sequence[Landmark] = (),
+        landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
+        gimbal_heading_sigma: float | None = None,
     ) -> None:  # fmt: skip
-        """``consider``: no self-calibration; the priors of all parameters count in every covariance."""
+        """``consider``: no self-calibration; the priors of all parameters count in every covariance.
+
+        ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None: the
+        camera is fixed to the body.
+        """
         super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
-        self._priors, self._kept, self._consider, self._solver = priors, kept, consider, solver
-        self._known = tuple(landmarks)
-        self._samples = FlightSamples(source, lever_m)
+        self._priors, self._consider, self._solver = priors, consider, solver
+        self._start = shared_priors(priors, kept, gimbal_heading_sigma)
+        self._known, self._ground = tuple(landmarks), ground
+        self._samples = FlightSamples(source, lever_m, priors, has_gimbal=gimbal_heading_sigma is not None)
         self._smoothing = self._begin_smoothing()
         self._answers: FrameAnswers | None = None
         self._sights: Sightings | None = None
         self._host_ns = HostNs(0)
 
     def _begin_smoothing(self) -> Smoothing:
-        noise = sample_noise(self._priors, None, STAMP_SIGMA_S)
-        estimator = Estimator(shared_priors(self._priors, self._kept), noise, consider=self._consider)
-        return Smoothing(estimator, None, {}, SmoothedLandmarks(self._known))
+        reference = self._ground()
+        noise = sample_noise(self._priors, None, STAMP_SIGMA_S, height_wander_m(reference, self._priors))
+        estimator = Estimator(self._start, noise, ground=surface_of(reference), consider=self._consider)
+        return Smoothing(estimator, None, {}, SmoothedLandmarks(self._known), reference)
 
     @property
     def calibration(self) -> CalibrationReport | None:
@@ -130,6 +158,12 @@ class SmoothedTracker(Tracker):
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
         """The record of each landmark's sights so far."""
         return self._smoothing.landmarks.records(self._smoothing.estimator)
+
+    @property
+    def landmark_altitude(self) -> LandmarkAltitude | None:
+        """Error of the vehicle's altitude by the landmarks; None before one is used."""
+        smoothing = self._smoothing
+        return smoothing.landmarks.altitude(smoothing.estimator, smoothing.reference)
 
     def snapshot(self) -> Snapshot:
         """The present state, for :meth:`restore`."""
@@ -145,12 +179,14 @@ class SmoothedTracker(Tracker):
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
         smoothing, t = self._smoothing, s_from_ns(view.boot_ns)
         estimator, self._host_ns = smoothing.estimator, view.host_ns
-        self._samples.feed(estimator)
+        reference = self._ground()
+        self._samples.feed(estimator, reference)
+        self._follow_ground(reference)
         if smoothing.pending is not None and t >= smoothing.pending.due_s:
             estimator.adopt(smoothing.pending.estimate())
             smoothing.pending = None
         self._follow_receiver(view)
-        self._answers = FrameAnswers(estimator, t, view)
+        self._answers = FrameAnswers(estimator, t, view, is_mapped=reference.surface is not None)
         self._sights = sightings_of(view.frame, view.fixes) if view.fixes else None
         if self._sights is not None:
             prediction = estimator.predict(self._sights)
@@ -158,13 +194,23 @@ class SmoothedTracker(Tracker):
                 self._answers.add_gates(view.fixes, prediction)
         return super().on_frame(view)
 
+    def _follow_ground(self, reference: GroundReference) -> None:
+        """Take a home or an elevation model that was moved, or a rangefinder's first reading, as the ground."""
+        smoothing, level_m = self._smoothing, self._samples.level_m
+        if reference.height is HeightReference.RANGE and level_m is not None:
+            reference = msgspec.structs.replace(reference, level_m=level_m)
+        if reference != smoothing.reference:
+            smoothing.reference = reference
+            smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
+
     def _follow_receiver(self, view: FrameView) -> None:
         """Take the receiver's own accuracy as the prior of its wander, from the next solve on."""
         state, estimator = view.vehicle, self._smoothing.estimator
         if state is None:
             return
         noise: SampleNoise = estimator.model.noise
-        new = sample_noise(self._priors, state.position_bias_m, max(STAMP_SIGMA_S, state.stamp_sigma_s))
+        stamp_sigma_s = max(STAMP_SIGMA_S, state.stamp_sigma_s)
+        new = sample_noise(self._priors, state.position_bias_m, stamp_sigma_s, noise.height_wander_m)
         old_m, new_m = noise.position_wander_m + 1e-3, new.position_wander_m + 1e-3
         if not 1.0 / NOISE_RATIO < new_m / old_m < NOISE_RATIO:
             estimator.model = replace(estimator.model, noise=new)
@@ -193,7 +239,7 @@ class SmoothedTracker(Tracker):
                     taught.append((i, track.id))
                     sight = surveyed.get(track.fix.sighting.index)
                     if sight is not None:
-                        smoothing.landmarks.add(sight, track.id, estimator)
+                        smoothing.landmarks.add(sight, track.id, estimator, smoothing.reference)
                 else:
                     own = sights.select(np.array([i])).with_targets(np.array([track.id]))
                     before = smoothing.waiting.get(track.id, ())
@@ -210,14 +256,13 @@ class SmoothedTracker(Tracker):
             smoothing.pending = PendingSolve(now + TAKE_OVER_S, self._solver(task))
 
     def _release(self, track: LiveTrack) -> None:
-        """Hand over the detections of a track from before its confirmation."""
-        waiting = self._smoothing.waiting.pop(track.id, ())
-        for sights in waiting:
-            self._smoothing.estimator.update(sights)
-        height_m, sigma_m = track.last_fix.sighting.anchor_height_m, track.last_fix.sighting.anchor_sigma_m
-        if height_m or sigma_m:
-            prior = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
-            self._smoothing.estimator.targets[track.id] = prior
+        """Hand over the detections of a track from before its confirmation, and the height of its target."""
+        smoothing = self._smoothing
+        for sights in smoothing.waiting.pop(track.id, ()):
+            smoothing.estimator.update(sights)
+        height_m, sigma_m = target_height(track.last_fix, self._priors)
+        if (height_m or sigma_m) and track.id not in smoothing.landmarks.tracks:
+            smoothing.estimator.targets[track.id] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
 
     def _rename(self, living: tuple[LiveTrack, ...]) -> None:
         smoothing = self._smoothing
