@@ -51,7 +51,7 @@ class PathSamples:
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
-        Beyond the ends the cubic goes on for one gap between samples at most.
+        Beyond the ends the cubic goes on for one gap between samples at most. It does not bridge a step of the report.
         """
         times, values = self.buffer.times, self.buffer.values
         i = (times.searchsorted(t) - 1).clip(0, len(times) - 2)
@@ -61,6 +61,10 @@ class PathSamples:
         p0, p1, v0, v1 = _hermite(inside, h)
         velocities = a[3:] + s.clip(0.0, 1.0) * (b[3:] - a[3:])
         position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6]
+        for step in self.breaks:  # the report has not stepped yet: on by the velocity
+            between = (t > step.before) & (t < step.after)
+            if between.any():
+                position[:, between] = (a[:3] + a[3:6] * (t - times[i]))[:, between]
         return position, velocities[:3], velocities[3:]
 
 

@@ -27,7 +27,7 @@ class FrameAnswers:
     __slots__ = ("_estimator", "_gates", "camera_from_vehicle", "is_mapped", "t", "vehicle_ned")
 
     def __init__(self, estimator: Estimator, t: float, view: FrameView, *, is_mapped: bool = False) -> None:
-        """``t``: capture of row 0, seconds on the autopilot's clock. ``is_mapped``: the ground is an elevation model."""
+        """``t``: capture of row 0, seconds on the autopilot's clock. ``is_mapped``: by an elevation model."""
         self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
         self.vehicle_ned = view.vehicle_ned
         self.camera_from_vehicle: Vector3 = (0.0, 0.0, 0.0)
