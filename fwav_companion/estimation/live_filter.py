@@ -11,6 +11,7 @@ moves when the rest moves, and does not teach. The cost is linear in their numbe
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class LiveFilter:
         ids: Ints,
     ) -> None:  # fmt: skip
         """Mean (n,) and covariance (n, n) of shared, targets in the order of `ids`, error; the first ten teach."""
-        self.model, self.carrier, self.wanders, self.t = model, carrier, wanders, t
+        self.model, self.carrier, self.t = model, carrier, t
         self.size = len(model.priors)
         taught = ids[:TEACHING]
         base = np.concatenate([np.arange(self.size + TARGET_SIZE * len(taught)), np.arange(len(mean) - 3, len(mean))])
@@ -53,11 +54,18 @@ class LiveFilter:
         self.other_mean = mean[rows]  # (O, 3)
         self.other_covariance = covariance[rows[:, :, None], rows[:, None, :]]  # (O, 3, 3)
         self.other_cross = covariance[rows[:, :, None], base]  # (O, 3, n)
-        level, up = (w.growth() for w in wanders)
-        self.growth = np.array([level, level, up])  # m^2/s
+        if carrier.path.accuracies:  # the receiver's solution now, in all
+            sigma_m = float(carrier.path.accuracy_at(np.array([t]))[1][0])
+            wanders = replace(wanders[0], sigma_m=sigma_m), wanders[1]
+        self._wander_as(wanders)
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self._pose: tuple[float, Poses] | None = None
+
+    def _wander_as(self, wanders: tuple[Wander, Wander]) -> None:
+        self.wanders = wanders
+        level, up = (w.growth() for w in wanders)
+        self.growth = np.array([level, level, up])  # m^2/s
 
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
@@ -112,10 +120,29 @@ class LiveFilter:
             self.covariance[:, e] *= keep
             self.other_cross[:, :, e] *= keep
         self.covariance[e, e] += added
+        self._change_solution(t)
         for b in self.carrier.path.breaks:
             if self.t < b.after <= t:
                 self.covariance[e, e] += step_variance(b)
         self.t = t
+
+    def _change_solution(self, t: float) -> None:
+        """Go over to the receiver's solution at t: what the best of both has in common stays (`wander.Pieces`)."""
+        path = self.carrier.path
+        if len(path.accuracies) < 2:
+            return
+        (before, after), (old, new) = ((x.tolist()) for x in path.accuracy_at(np.array([self.t, t])))
+        if before == after:
+            return
+        common = min(old, new) ** 2
+        keep = common / old**2 if old > 0.0 else 1.0
+        e = self._errors[:2]
+        self.mean[e] *= keep
+        self.covariance[e] *= keep
+        self.covariance[:, e] *= keep
+        self.other_cross[:, :, e] *= keep
+        self.covariance[e, e] += common * (1.0 - keep) + new**2 - common
+        self._wander_as((replace(self.wanders[0], sigma_m=new), self.wanders[1]))
 
     def aging(self, dt: float) -> tuple[Array, Array]:
         """Factor (3,) on the error and variance (3,) added after dt seconds without a sighting.

@@ -1,16 +1,16 @@
-"""The smoothed path at any instant, and the carrier's poses for the measurement."""
+"""The smoothed path at any instant, the receiver's accuracy, and the carrier's poses for the measurement."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import matrices
 from fwav_companion.estimation.attitudes import Attitudes
-from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.errors import Array, Ints
 from fwav_companion.estimation.measurement import Poses
 from fwav_companion.estimation.range_readings import RangeReadings
 from fwav_companion.estimation.sample_buffer import SampleBuffer
@@ -24,11 +24,23 @@ class PathBreak(NamedTuple):
     step_m: float
 
 
+class Accuracy(NamedTuple):
+    """The receiver's own accuracy from an instant on."""
+
+    t: float  # s
+    sigma_m: float  # north and east
+
+
 class PathNoise(NamedTuple):
     """Standard deviation and correlation time of the smoothed path's own error."""
 
     level: tuple[float, float]  # m, s
     up: tuple[float, float]  # m, s
+
+
+ANOTHER_ACCURACY = 3.0
+"""Ratio of two accuracies that are of different solutions of a receiver: with corrections, without, float."""
+_LEAST_ACCURACY_M, _MOST_ACCURACIES = 1e-3, 8
 
 
 @dataclass
@@ -38,6 +50,7 @@ class PathSamples:
     buffer: SampleBuffer
     breaks: list[PathBreak]
     noise: PathNoise
+    accuracies: list[Accuracy] = field(default_factory=list)  # in order of time; empty: as configured
 
     @property
     def newest(self) -> float:
@@ -46,7 +59,29 @@ class PathSamples:
 
     def copy(self) -> PathSamples:
         """A snapshot that later samples do not change."""
-        return PathSamples(self.buffer.copy(), list(self.breaks), self.noise)
+        return PathSamples(self.buffer.copy(), list(self.breaks), self.noise, list(self.accuracies))
+
+    def add_accuracy(self, t: float, sigma_m: float) -> None:
+        """Take the receiver's accuracy: a small change widens what has been claimed, a large one begins a new piece."""
+        pieces = self.accuracies
+        if not pieces:
+            pieces.append(Accuracy(t, sigma_m))
+            return
+        last, ratio = pieces[-1], (sigma_m + _LEAST_ACCURACY_M) / (pieces[-1].sigma_m + _LEAST_ACCURACY_M)
+        if max(ratio, 1.0 / ratio) < ANOTHER_ACCURACY:
+            pieces[-1] = Accuracy(last.t, max(last.sigma_m, sigma_m))
+            return
+        if t <= last.t:  # a late frame
+            return
+        pieces.append(Accuracy(t, sigma_m))
+        if len(pieces) > _MOST_ACCURACIES:  # the two oldest count as one, at the worse of both
+            first, second = pieces[:2]
+            pieces[:2] = [Accuracy(first.t, max(first.sigma_m, second.sigma_m))]
+
+    def accuracy_at(self, t: Array) -> tuple[Ints, Array]:
+        """Number of the piece (N,), and its sigma (N,) m, at instants (N,)."""
+        piece = np.array([each.t for each in self.accuracies[1:]]).searchsorted(t, side="right")
+        return piece, np.array([each.sigma_m for each in self.accuracies])[piece]
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).

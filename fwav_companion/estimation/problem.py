@@ -27,7 +27,7 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, Projection, feet, project, without_path_noise
 from fwav_companion.estimation.path_samples import Carrier, CarrierRates
 from fwav_companion.estimation.range_readings import UsedReadings
-from fwav_companion.estimation.wander import Wander, WanderKernel
+from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
@@ -97,6 +97,11 @@ class Problem:
         self.usable = np.ones(len(s), np.bool_)
         for b in carrier.path.breaks:
             self.usable &= (s.t <= b.before - BREAK_MARGIN_S) | (s.t >= b.after + BREAK_MARGIN_S)
+        self.pieces: Pieces | None = None
+        if len(carrier.path.accuracies) > 1:
+            piece, sigma = carrier.path.accuracy_at(knots)
+            best_m = min(each.sigma_m for each in carrier.path.accuracies)
+            self.pieces = Pieces(piece, sigma**2 - best_m**2)
         self.readings: UsedReadings | None = None
         if len(carrier.ranges):
             self.readings = carrier.ranges.used(knots, carrier.path.breaks, model.noise.roughness_m)
@@ -116,9 +121,10 @@ class Problem:
 
     def wanders(self, kernel: WanderKernel) -> tuple[Wander, Wander]:
         """Processes of the error: north and east, and up."""
-        noise, left = self.model.noise, self.carrier.path.noise
-        times = noise.wander_times_s
-        level = Wander(noise.position_wander_m, times, kernel, left.level)
+        noise, path = self.model.noise, self.carrier.path
+        left, times = path.noise, noise.wander_times_s
+        best_m = min((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
+        level = Wander(best_m, times, kernel, left.level)
         return level, Wander(noise.height_wander_m, times, kernel, left.up)
 
     def error_noise(self, kernel: WanderKernel) -> ErrorNoise:
@@ -129,7 +135,10 @@ class Problem:
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
             # The frame's own position error is about the line, too.
             _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
-            level_sigma = np.sqrt(level.bridge(gap, self.part) + own**2)
+            variance = level.bridge(gap, self.part) + own**2
+            if self.pieces is not None:
+                variance = variance + level.bridge_of_pieces(gap, self.part, self.left, self.pieces)
+            level_sigma = np.sqrt(variance)
             up_sigma = np.sqrt(up.bridge(gap, self.part) + own_up**2)
             self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, 2.0 * mean)
         return self._noise[kernel]
@@ -139,7 +148,7 @@ class Problem:
         if kernel not in self._prior:
             level, up = self.wanders(kernel)
             breaks, o = self.carrier.path.breaks, self.errors_at
-            level_precision, level_det = level.precision(self.knots, breaks)
+            level_precision, level_det = level.precision(self.knots, breaks, self.pieces)
             up_precision, up_det = up.precision(self.knots, breaks)
             p = np.zeros((self.size, self.size))
             p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._target_precision])

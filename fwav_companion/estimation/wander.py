@@ -3,16 +3,19 @@
 The error (north, east, up; reported minus true) is the receiver's wander plus what the smoothing of the path left of
 the white noise. How rough the wander is cannot be known before the flight: several kernels are compared by the marginal
 likelihood of the sightings (Rasmussen & Williams 2006, ch. 5).
+
+A receiver that gains or loses corrections changes its solution. The error is then the wander of the best solution of
+the flight, plus another one of the same kernel while the solution is worse, independent of those of other pieces.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.errors import Array, Ints
 from fwav_companion.estimation.path_samples import PathBreak
 
 
@@ -34,6 +37,13 @@ _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
 
+class Pieces(NamedTuple):
+    """Solutions of the receiver at the knots."""
+
+    piece: Ints  # (K,) number of the solution
+    extra2: Array  # (K,) m^2, its variance beyond that of the flight's best one
+
+
 @dataclass(frozen=True)
 class Wander:
     """Covariance of one component of the error as a function of the lag."""
@@ -49,7 +59,12 @@ class Wander:
         total = left_m**2 * np.exp(lag * (-1.0 / left_s))
         if self.sigma_m <= 0.0:
             return np.asarray(total)
-        share = self.sigma_m**2 / len(self.times_s)
+        return np.asarray(total + self.sigma_m**2 * self.correlation(lag))
+
+    def correlation(self, lag: Array) -> Array:
+        """Of the wander without what the smoothing left: (...) s to (...)."""
+        total, left_s = np.zeros_like(lag), self.path[1]
+        share = 1.0 / len(self.times_s)
         for time in self.times_s:
             if self.kernel.low_pass_s is None:
                 x = (2.0 / time) * lag
@@ -76,9 +91,23 @@ class Wander:
         line = (part**2 + (1.0 - part) ** 2) * start + 2.0 * part * (1.0 - part) * ends
         return np.asarray(np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right)))
 
-    def precision(self, knots: Array, breaks: list[PathBreak]) -> tuple[Array, float]:
+    def bridge_of_pieces(self, gap: Array, part: Array, left: Ints, pieces: Pieces) -> Array:
+        """Variance (N,) m^2 about the lines between knots that the worse solutions add; left (N,): the knot before.
+
+        Between two solutions the line says nothing.
+        """
+        unit = replace(self, sigma_m=1.0, path=(0.0, self.path[1]))
+        before, after = pieces.extra2[left], pieces.extra2[left + 1]
+        same = pieces.piece[left] == pieces.piece[left + 1]
+        return np.where(same, unit.bridge(gap, part) * before, 2.0 * np.maximum(before, after))
+
+    def precision(self, knots: Array, breaks: list[PathBreak], pieces: Pieces | None = None) -> tuple[Array, float]:
         """Inverse (K, K) of the prior covariance of the knots (K,) s, and the log determinant of the covariance."""
-        covariance = self.covariance(np.abs(knots[:, None] - knots))  # (K, K)
+        lag = np.abs(knots[:, None] - knots)
+        covariance = self.covariance(lag)  # (K, K)
+        if pieces is not None:
+            same = pieces.piece[:, None] == pieces.piece
+            covariance += np.where(same, pieces.extra2, 0.0) * self.correlation(lag)
         covariance[np.diag_indices(len(knots))] += _JITTER_M2
         for b in breaks:  # everything after a step may be off by one more constant
             after = (knots >= b.after - 1e-9).astype(np.float64)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from fwav_companion.estimation.errors import SampleNoise
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
@@ -58,9 +57,6 @@ MOST_WAITING = 64
 """Detections of a tentative track that are kept for the smoother."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
-NOISE_RATIO = 1.2
-"""Change of the receiver's own accuracy that changes the smoother's prior of the wander."""
-
 Solver = Callable[[SolveTask], Callable[[], Estimate]]
 """Starts a solve; the returned function gives its estimate, and waits for it where need be."""
 
@@ -204,15 +200,17 @@ class SmoothedTracker(Tracker):
             smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
 
     def _follow_receiver(self, view: FrameView) -> None:
-        """Take the receiver's own accuracy as the prior of its wander, from the next solve on."""
+        """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""
         state, estimator = view.vehicle, self._smoothing.estimator
         if state is None:
             return
-        noise: SampleNoise = estimator.model.noise
+        path, noise = estimator.carrier.path, estimator.model.noise
+        if state.position_bias_m is not None:
+            path.add_accuracy(s_from_ns(view.boot_ns), state.position_bias_m)
+        worst_m = max((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
         stamp_sigma_s = max(STAMP_SIGMA_S, state.stamp_sigma_s)
-        new = sample_noise(self._priors, state.position_bias_m, stamp_sigma_s, noise.height_wander_m)
-        old_m, new_m = noise.position_wander_m + 1e-3, new.position_wander_m + 1e-3
-        if not 1.0 / NOISE_RATIO < new_m / old_m < NOISE_RATIO:
+        new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
+        if new != noise:
             estimator.model = replace(estimator.model, noise=new)
 
     def _choice(self, vehicle: VehicleState | None = None) -> TargetChoice:
