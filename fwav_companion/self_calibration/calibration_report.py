@@ -80,12 +80,22 @@ class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
     time_offset_sigma_s: float
     mount: Vector3
     mount_sigma: Vector3
+    position_delay_s: float | None = None
+    """Positions are older than configured by this; None: not estimated, as by earlier versions."""
+    position_delay_sigma_s: float | None = None
+    lever_m: Vector3 | None = None
+    """Error of the camera's position in the body: configured minus true; None: not estimated."""
+    lever_sigma_m: Vector3 | None = None
 
     @property
     def is_sound(self) -> bool:
         """Whether all numbers are finite and all sigmas positive: the file may have been edited."""
-        numbers = (self.time_offset_s, *self.mount)
-        sigmas = (self.time_offset_sigma_s, *self.mount_sigma)
+        delay = (self.position_delay_s, self.position_delay_sigma_s)
+        if (delay[0] is None) != (delay[1] is None) or (self.lever_m is None) != (self.lever_sigma_m is None):
+            return False
+        numbers = (self.time_offset_s, *self.mount, delay[0] or 0.0, *(self.lever_m or ()))
+        more = (1.0 if delay[1] is None else delay[1], *(self.lever_sigma_m or ()))
+        sigmas = (self.time_offset_sigma_s, *self.mount_sigma, *more)
         return all(map(isfinite, numbers)) and all(isfinite(sigma) and sigma > 0.0 for sigma in sigmas)
 
     def implausible(self, time_offset_sigma_s: float, mount_sigma: Vector3) -> str:

@@ -21,6 +21,10 @@ EVERY_TICKS = 60
 """Interval of writes, in ticks of a second: the result hardly changes. It is also written at the end."""
 
 
+ADDED_TO_MOUNT = {"gimbal_yaw_bias_deg": 3.0, "gimbal_delay_s": 0.0}
+"""Keys that an older configuration does not have, and their defaults: they do not make it another camera."""
+
+
 class _Kept(msgspec.Struct):
     """The file. It expires when the camera file, the mount or the configured offset changes."""
 
@@ -93,5 +97,9 @@ def _mount_sigma(priors: ErrorPriors) -> Vector3:
 
 def _fingerprint(config: Config) -> str:
     """Hash of the configured camera: its calibration file, mount, delay and readout."""
-    described = msgspec.json.encode(config.camera) + config.calibration_path.read_bytes()
+    camera = msgspec.to_builtins(config.camera)
+    for key, default in ADDED_TO_MOUNT.items():
+        if camera["mount"][key] == default:
+            del camera["mount"][key]
+    described = msgspec.json.encode(camera) + config.calibration_path.read_bytes()
     return hashlib.sha256(described).hexdigest()

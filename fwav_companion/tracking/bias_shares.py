@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.standing import StandingTargetState
@@ -30,9 +30,19 @@ BY_BIAS: Final[Mapping[Bias, str]] = {
 }
 
 
+@runtime_checkable
+class SmoothedEstimate(Protocol):
+    """A target by the smoother."""
+
+    def shares_by_cause(self) -> dict[str, float]:
+        """Horizontal variance that it would lose if one cause of error were exactly known, by cause, m^2."""
+
+
 def bias_shares(target: TargetEstimate, priors: ErrorPriors) -> dict[str, float]:
     """Horizontal variance of a target by cause, m^2; empty for a filter without separate biases."""
     match target:
+        case SmoothedEstimate():
+            return target.shares_by_cause()
         case CalibratedTargetState(calibrator=calibrator, track=track):
             return _without_attitude(calibrator.bias_shares(track), priors)
         case StandingTargetState():

@@ -37,6 +37,7 @@ class Planted:
     position_hz: float = 10.0
     jump_m: float = 0.0
     period_s: float = 0.0  # between frames; 0: by the flight's rate
+    target_heights_m: tuple = ()  # of the targets above the origin; empty: zero
 
     def telemetry(self):
         """(attitudes, positions): lists of (stamp, quaternion wxyz), and of (stamp, north east height, velocity)."""
@@ -82,8 +83,10 @@ class Planted:
         true_mount = Rotation.from_rotvec(e[1:4]).inv() * BODY_FROM_CAMERA
         camera_from_ned = (Rotation.from_euler("ZYX", ypr) * true_mount).inv()
         found = [[] for _ in capture]
+        heights = self.target_heights_m or (0.0,) * len(f.targets)
         for number, (target, velocity) in enumerate(zip(f.targets, f.velocities, strict=True)):
-            where = np.stack([target[0] + velocity[0] * capture, target[1] + velocity[1] * capture, 0 * capture], -1)
+            down = 0 * capture - heights[number]
+            where = np.stack([target[0] + velocity[0] * capture, target[1] + velocity[1] * capture, down], -1)
             d = camera_from_ned.apply(where - camera)
             uv = pixel_from_camera(d)
             inside = (np.abs(uv[:, 0] - 319.5) < 320) & (np.abs(uv[:, 1] - 239.5) < 240) & (d[:, 2] > 0)

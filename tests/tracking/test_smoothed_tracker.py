@@ -2,12 +2,24 @@
 
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
-from fwav_companion.estimation.errors import BODY_SHARED, CAMERA_DELAY, MOUNT, READOUT, priors
+from fwav_companion.estimation.errors import (
+    BODY_SHARED,
+    CAMERA_DELAY,
+    GIMBAL_DELAY,
+    GIMBAL_HEADING,
+    LEVER,
+    MOUNT,
+    POSITION_DELAY,
+    READOUT,
+    priors,
+)
 from fwav_companion.estimation.frame_prediction import FramePrediction, pair_distances
 from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry.hermite_series import HermiteSeries
 from fwav_companion.tracking.smoothed.flight_errors import shared_priors
 from fwav_companion.tracking.smoothed.flight_samples import sightings_of
@@ -105,16 +117,51 @@ def test_tangents_standardise_a_pixel_error_of_one_sigma():
     assert (found.t[0], found.row[0], found.frame[0]) == (2.0, 0.25, 7)
 
 
-def test_kept_mount_is_the_opposite_of_an_error():
-    kept = SimpleNamespace(
-        time_offset_s=0.02, time_offset_sigma_s=0.003, mount=(0.1, 0.0, -0.2), mount_sigma=(0.01,) * 3
+UNCERTAIN = SimpleNamespace(sigma=lambda bias: 1.0)
+
+
+def kept(**more):
+    return KeptCalibration(
+        time_offset_s=0.02, time_offset_sigma_s=0.003, mount=(0.1, 0.0, -0.2), mount_sigma=(0.01,) * 3, **more
     )
-    uncertain = SimpleNamespace(sigma=lambda bias: 1.0)
-    found = shared_priors(uncertain, kept)
+
+
+def test_kept_mount_is_the_opposite_of_an_error_and_widened():
+    found = shared_priors(UNCERTAIN, kept())
     assert found.mean[CAMERA_DELAY] == 0.02
     assert found.mean[MOUNT] == pytest.approx([-0.1, 0.0, 0.2])
-    assert found.sigma[READOUT] == 1.0
+    assert found.sigma[CAMERA_DELAY] == pytest.approx(np.hypot(0.003, 0.002))
+    assert found.sigma[MOUNT] == pytest.approx(np.hypot(0.01, np.radians(0.2)), rel=0.01)
     assert len(priors()) == len(found) == BODY_SHARED
+
+
+def test_parameter_that_an_earlier_version_did_not_keep_has_its_prior():
+    found = shared_priors(UNCERTAIN, kept())
+    assert found.sigma[[READOUT, POSITION_DELAY, *range(LEVER.start, LEVER.stop)]].tolist() == [1.0] * 5
+    newer = kept(position_delay_s=0.1, position_delay_sigma_s=0.01, lever_m=(0.1, 0.0, 0.0), lever_sigma_m=(0.02,) * 3)
+    found = shared_priors(UNCERTAIN, newer)
+    assert found.mean[POSITION_DELAY] == 0.1
+    assert found.mean[LEVER].tolist() == [0.1, 0.0, 0.0]
+    assert found.sigma[LEVER].tolist() == [0.02] * 3
+
+
+def test_kept_calibration_of_an_earlier_version_is_read():
+    text = b'{"time_offset_s":0.02,"time_offset_sigma_s":0.003,"mount":[0.1,0.0,-0.2],"mount_sigma":[0.01,0.01,0.01]}'
+    assert msgspec.json.decode(text, type=KeptCalibration) == kept()
+    assert kept().is_sound
+
+
+@pytest.mark.parametrize(
+    "more", [{"position_delay_s": 0.1}, {"lever_m": (0.0,) * 3, "lever_sigma_m": (0.0,) * 3},
+             {"position_delay_s": float("nan"), "position_delay_sigma_s": 0.1}]
+)  # fmt: skip
+def test_kept_calibration_with_half_a_value_is_not_sound(more):
+    assert not kept(**more).is_sound
+
+
+def test_gimbal_has_two_more_parameters():
+    found = shared_priors(UNCERTAIN, None, np.radians(3.0))
+    assert found.sigma[[GIMBAL_HEADING, GIMBAL_DELAY]] == pytest.approx([np.radians(3.0), 0.05])
 
 
 def test_positions_after_a_jump_begin_a_new_piece():

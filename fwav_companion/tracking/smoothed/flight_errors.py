@@ -22,6 +22,7 @@ from fwav_companion.estimation.errors import (
     ROLL,
     SampleNoise,
     SharedPriors,
+    with_stored,
 )
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Bias, ErrorPriors
@@ -53,7 +54,7 @@ GIMBAL_DELAY_SIGMA_S = 0.05
 def shared_priors(
     priors: ErrorPriors, kept: KeptCalibration | None, gimbal_heading_sigma: float | None = None
 ) -> SharedPriors:
-    """Priors of the shared parameters. ``kept``: a calibration of an earlier flight, narrower than the configuration.
+    """Priors of the shared parameters. ``kept``: a calibration of an earlier flight; what it lacks has its prior.
 
     A kept mount is a correction (true minus configured); the smoother's errors are reported minus true.
     ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
@@ -64,10 +65,17 @@ def shared_priors(
         sigma[index] = priors.sigma(bias)
     if gimbal_heading_sigma is not None:
         sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal_heading_sigma, GIMBAL_DELAY_SIGMA_S
-    if kept is not None:
-        mean[CAMERA_DELAY], mean[MOUNT] = kept.time_offset_s, [-angle for angle in kept.mount]
-        sigma[CAMERA_DELAY], sigma[MOUNT] = kept.time_offset_sigma_s, kept.mount_sigma
-    return SharedPriors(mean, sigma)
+    configured = SharedPriors(mean, sigma)
+    if kept is None:
+        return configured
+    stored, known = np.full(size, np.nan), np.full(size, np.nan)
+    stored[CAMERA_DELAY], stored[MOUNT] = kept.time_offset_s, [-angle for angle in kept.mount]
+    known[CAMERA_DELAY], known[MOUNT] = kept.time_offset_sigma_s, kept.mount_sigma
+    if kept.position_delay_s is not None and kept.position_delay_sigma_s is not None:
+        stored[POSITION_DELAY], known[POSITION_DELAY] = kept.position_delay_s, kept.position_delay_sigma_s
+    if kept.lever_m is not None and kept.lever_sigma_m is not None:
+        stored[LEVER], known[LEVER] = kept.lever_m, kept.lever_sigma_m
+    return with_stored(configured, stored, known)
 
 
 def sample_noise(

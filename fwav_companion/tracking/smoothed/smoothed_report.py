@@ -9,9 +9,9 @@ from fwav_companion.estimation.errors import (
     CAMERA_DELAY,
     HEADING,
     HEIGHT,
+    LEVER,
     MOUNT,
-    STORED_DELAY_SIGMA_S,
-    STORED_MOUNT_SIGMA_RAD,
+    POSITION_DELAY,
 )
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.geometry.stamps import HostNs
@@ -65,15 +65,16 @@ def _status(estimator: Estimator, statuses: tuple[ParameterStatus, ...]) -> tupl
 
 
 def _kept(statuses: tuple[ParameterStatus, ...], x: ParameterStatus, y: ParameterStatus) -> KeptCalibration:
-    """What the next flight starts with, widened by what changes between two flights; its heading error is another."""
-    delay, heading, z = statuses[CAMERA_DELAY], statuses[HEADING], statuses[MOUNT][2]
+    """What the next flight starts with, and widens by what changes meanwhile; its heading error is another."""
+    delay, heading, z, late = (statuses[i] for i in (CAMERA_DELAY, HEADING, MOUNT.start + 2, POSITION_DELAY))
+    first, second, third = statuses[LEVER]
     return KeptCalibration(
         time_offset_s=delay.estimate,
-        time_offset_sigma_s=hypot(delay.sigma, STORED_DELAY_SIGMA_S),
+        time_offset_sigma_s=delay.sigma,
         mount=(-x.estimate, -y.estimate, -z.estimate),
-        mount_sigma=(
-            hypot(x.sigma, STORED_MOUNT_SIGMA_RAD),
-            hypot(y.sigma, STORED_MOUNT_SIGMA_RAD),
-            hypot(z.sigma, STORED_MOUNT_SIGMA_RAD, heading.sigma),
-        ),
+        mount_sigma=(x.sigma, y.sigma, hypot(z.sigma, heading.sigma)),
+        position_delay_s=late.estimate,
+        position_delay_sigma_s=late.sigma,
+        lever_m=(first.estimate, second.estimate, third.estimate),
+        lever_sigma_m=(first.sigma, second.sigma, third.sigma),
     )

@@ -11,6 +11,7 @@ from fwav_companion.estimation.answers import TargetAnswer
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction
+from fwav_companion.estimation.variance_shares import variance_shares
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.clutter import noise_area_px2
@@ -63,6 +64,10 @@ class FrameAnswers:
         """Height of a target's detected point above its foot, metres."""
         return self._estimator.model.target(target).height_m
 
+    def shares(self, target: int) -> dict[str, float]:
+        """Horizontal variance of a target by cause, m^2."""
+        return variance_shares(self._estimator.live, target)
+
     def answer(self, target: int) -> TargetAnswer | None:
         """A target at the frame's capture; None where the smoother does not hold it."""
         return None if self.vehicle_ned is None else self._estimator.answer(target, self.t)
@@ -112,6 +117,10 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
         if not self.frame.is_mapped:
             return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.own.cov[2][2]))
         return ((nn, ne, -nu), (ne, ee, -eu), (-nu, -eu, uu))
+
+    def shares_by_cause(self) -> dict[str, float]:
+        """Horizontal variance that it would lose if one cause of error were exactly known, by cause, m^2."""
+        return self.frame.shares(self.track)
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix of this frame, by the live posterior."""
