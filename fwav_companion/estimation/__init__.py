@@ -7,7 +7,10 @@ carrier (the body; with a gimbal its camera), as the configuration's mount says.
 Input, in order of time:
 
     estimator = Estimator(priors, noise)
-    estimator.add_attitude(t, quaternion)                 # (4,) w x y z, ned_from_carrier, as stamped
+    estimator.add_attitude(t, quaternion)                 # (4,) w x y z, ned_from_body, as stamped
+    estimator.add_gimbal_attitude(t, quaternion)          # with priors of 15: about the vehicle's heading, or north
+    estimator.add_range(reading, foot)                    # a rangefinder's height of the camera, m north and east
+    estimator.carrier.path.add_accuracy(t, sigma_m)       # the receiver's own accuracy from now on
     estimator.add_position(t, position, velocity)         # (3,) north, east, height; (3,) m/s; reset=True at a jump
     frame = frame_of(number, stamps, rays, tangents)      # D detections; `tangents` standardise: noise of one each axis
 

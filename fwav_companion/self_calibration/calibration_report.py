@@ -70,6 +70,10 @@ class PriorInflation(msgspec.Struct, frozen=True, gc=False):
         return hypot(self.sigma, self.alone - self.mean)
 
 
+MOST_DELAY_S, MOST_LEVER_M = 10.0, 10.0
+"""Largest kept error of the position's age, seconds, and of the camera's place in the body, metres."""
+
+
 class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """A calibration of an earlier flight: a narrower prior than the configuration's.
 
@@ -89,9 +93,14 @@ class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_sound(self) -> bool:
-        """Whether all numbers are finite and all sigmas positive: the file may have been edited."""
+        """Whether all numbers are finite and all sigmas positive: the file may have been edited.
+
+        A position is not older than MOST_DELAY_S, a camera not further from its place than MOST_LEVER_M.
+        """
         delay = (self.position_delay_s, self.position_delay_sigma_s)
         if (delay[0] is None) != (delay[1] is None) or (self.lever_m is None) != (self.lever_sigma_m is None):
+            return False
+        if abs(delay[0] or 0.0) > MOST_DELAY_S or max(map(abs, self.lever_m or (0.0,))) > MOST_LEVER_M:
             return False
         numbers = (self.time_offset_s, *self.mount, delay[0] or 0.0, *(self.lever_m or ()))
         more = (1.0 if delay[1] is None else delay[1], *(self.lever_sigma_m or ()))

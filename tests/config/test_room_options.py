@@ -49,6 +49,7 @@ readout_s = -0.03
 pitch_deg = 0.0
 position_m = [0.1, 0.2, 0.3]
 gimbal_device_id = 3
+gimbal_delay_s = 0.04
 [uncertainty]
 attitude_stamp_delay_s = 0.005
 [tracking]
@@ -113,6 +114,7 @@ def test_telemetry():
         position_delay_s=0.25,
         attitude_stamp_delay_s=0.005,
         gimbal_device_id=3,
+        gimbal_delay_s=0.04,
     )
     assert telemetry_options(CONFIG, None) == expected
     assert telemetry_options(CONFIG, 60.0).attitudes_kept_s == 60.0
