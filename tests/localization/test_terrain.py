@@ -10,7 +10,7 @@ from true_flights import PRIORS, STEPS, Noise, Scene
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
-from fwav_companion.types import Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
+from fwav_companion.types import Bias, GroundFix, HeightReference, NoFix, Reason, TakeOff, TakeOffSource
 
 QUIET = {"bridging_sigma": 0.0, "time_noise_s": 0.0, "position_sigma_m": 0.0}
 """A sighting without independent errors."""
@@ -60,6 +60,20 @@ class TestGround:
             assert fix.bias_jacobian[bias] == pytest.approx(found, rel=2e-3, abs=2e-2), bias.name
         up, down = (self.locate(self.raised(self.slope, h), scene.sighting()).position_ned for h in (0.5, -0.5))
         assert fix.bias_jacobian[Bias.TERRAIN] == pytest.approx(np.subtract(up, down), rel=1e-3, abs=1e-3)
+
+    def test_surface_has_the_height_and_the_slope_of_the_model_as_shifted(self):
+        ground = self.ground(self.slope)
+        surface = ground.reference().surface
+        height, by_north, by_east = surface.at(10.0, -20.0)
+        assert height == pytest.approx(0.2 * 10.0 + 0.1 * 20.0, abs=0.05)
+        assert (by_north, by_east) == pytest.approx((0.2, -0.1), rel=2e-2)
+        assert surface.at(1e5, 0.0) is None
+        assert ground.reference() == ground.reference()
+        assert self.raised(self.slope, 0.5).reference() != ground.reference()
+
+    def test_reference_without_a_model_is_the_autopilots_report(self):
+        assert TerrainGround(None, Datum.EGM96).reference().height is HeightReference.TERRAIN_REPORT
+        assert TerrainGround(self.level, Datum.EGM96).reference().surface is None
 
     def test_on_a_slope_the_noise_of_a_pixel_moves_the_point_along_the_slope(self):
         """All three components, by differences of the simulation; no other fresh error is left."""

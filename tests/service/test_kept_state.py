@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import tracemalloc
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from flying import CAMERA, LINK
 
@@ -90,6 +92,9 @@ def test_kept_calibration_within_the_priors_is_used(state: State) -> None:
         {"mount": [0.0, 0.0]},
         {"time_offset_s": "late"},
         {"mount": None},
+        {"position_delay_s": 11.0, "position_delay_sigma_s": 0.01},
+        {"position_delay_s": 0.1},
+        {"lever_m": [0.0, 99.0, 0.0], "lever_sigma_m": [0.01, 0.01, 0.01]},
     ],
     ids=str,
 )
@@ -112,6 +117,18 @@ def test_kept_calibration_that_is_no_calibration_is_set_aside(state: State, cont
     assert state.kept() is None
     assert len(state.reported) == 1
     assert not state.calibration.exists()
+
+
+def test_kept_calibration_from_before_the_gimbals_keys_is_of_the_same_camera(config: Config) -> None:
+    camera = msgspec.to_builtins(config.camera)
+    for key in ("gimbal_yaw_bias_deg", "gimbal_delay_s"):
+        del camera["mount"][key]
+    before = hashlib.sha256(msgspec.json.encode(camera) + config.calibration_path.read_bytes()).hexdigest()
+    content = json.dumps({"camera": before, "calibration": SOUND})
+    (config.resolve("state") / "calibration.json").write_text(content)
+    kept = CalibrationStore(config, pytest.fail).kept()
+    assert kept is not None
+    assert kept.position_delay_s is None
 
 
 def test_kept_calibration_of_another_camera_is_neither_used_nor_reported(state: State) -> None:

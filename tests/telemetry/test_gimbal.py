@@ -67,6 +67,28 @@ def test_between_two_messages_it_is_where_slerp_has_it():
         assert at.rates == pytest.approx(expected, abs=1e-3)
 
 
+def test_attitude_that_is_old_at_its_stamp_is_that_of_an_earlier_instant():
+    late = Gimbal(154, delay_ns=80_000_000)
+    for k in range(26):
+        late.on_message(fields(0.2 * k, quaternion(look(0.2 * k - 0.08))), HostNs(round(0.2e9 * k)))
+    w, x, y, z = asked(late, 4.1).ned_from_gimbal
+    assert (Rotation.from_quat([x, y, z, w]).inv() * look(4.1)).magnitude() < 5e-4
+
+
+@pytest.mark.parametrize(("flags", "from_north"), [(EARTH, True), (32, False)])
+def test_reported_attitude_keeps_its_own_zero_of_yaw(flags, from_north):
+    found = fed(flags=flags).reported_at(BootNs(round((BOOT_S + 4.1) * 1e9)), autopilot_clock())
+    w, x, y, z = found.attitude
+    assert (Rotation.from_quat([x, y, z, w]).inv() * look(4.1)).magnitude() < 5e-4
+    assert found.from_north is from_north
+
+
+def test_reported_attitude_beyond_the_newest_report_is_still_to_come():
+    gimbal = fed()
+    assert gimbal.reported_at(BootNs(round((BOOT_S + 5.1) * 1e9)), autopilot_clock()) is Reason.STALE_GIMBAL
+    assert Gimbal(154).reported_at(BootNs(0), autopilot_clock()) is Reason.NO_GIMBAL
+
+
 def test_doubt_grows_with_the_motion_the_gap_and_the_doubt_about_the_clock():
     smooth = asked(fed(), 4.1).sigma
 

@@ -2,8 +2,10 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.types import GroundReference, HeightReference, Landmark, LandmarkState
@@ -54,6 +56,23 @@ def test_later_track_of_a_landmark_continues_the_earlier_one(estimator):
 def test_landmark_lies_on_ground_from_which_heights_count(estimator, height):
     SmoothedLandmarks([MARK]).add(sight(), 4, estimator, GroundReference(height, level_m=7.0))
     assert (estimator.targets[4].height_m, estimator.targets[4].height_sigma_m) == (0.0, 0.05)
+
+
+def test_altitude_by_a_used_landmark_is_the_height_error_now(estimator):
+    landmarks = SmoothedLandmarks([MARK])
+    landmarks.add(sight(), 4, estimator, HOME)
+    size = BODY_SHARED + 3
+    mean = np.zeros(size)
+    mean[[HEIGHT, size - 1]] = 1.5, 0.25
+    estimator.live = SimpleNamespace(mean=mean, covariance=0.04 * np.eye(size), error=BODY_SHARED)
+    assert landmarks.altitude(estimator, HOME) is None  # not solved yet
+    estimator.estimate.surveys[4] = 0.9
+    altitude = landmarks.altitude(estimator, HOME)
+    assert (altitude.landmark, altitude.too_high_m) == (0, 1.75)
+    assert altitude.sigma_m == pytest.approx(np.hypot(0.2 * np.sqrt(2.0), 0.05))
+    assert landmarks.altitude(estimator, GroundReference(HeightReference.RANGE)) is None
+    estimator.estimate.surveys[4] = 0.1
+    assert landmarks.altitude(estimator, HOME) is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,45 @@
+"""Shares of causes in a target's variance, against the inverse of a precision."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fwav_companion.estimation.errors import BODY_SHARED, CAMERA_DELAY, HEIGHT
+from fwav_companion.estimation.variance_shares import variance_shares
+
+E = BODY_SHARED
+
+
+@pytest.fixture
+def live():
+    """A live filter of one target: its place is wrong by its own noise, the delay, the height and the error now."""
+    sigma = np.full(E + 3, 0.1)
+    sigma[[CAMERA_DELAY, HEIGHT]] = 0.02, 0.5
+    covariance = np.diag(sigma**2)
+    sensitivity = np.zeros((3, E + 3))
+    sensitivity[0, CAMERA_DELAY], sensitivity[1, HEIGHT], sensitivity[0, E] = 5.0, 0.7, 1.0
+    own = np.diag([0.01, 0.04, 0.25]) + sensitivity @ covariance @ sensitivity.T
+    return SimpleNamespace(
+        at={4: 0}, other={}, size=BODY_SHARED, error=E, covariance=covariance,
+        place=lambda target: (np.zeros(3), own), cross=lambda target: sensitivity @ covariance,
+    )  # fmt: skip
+
+
+def test_share_is_the_variance_that_is_lost_when_the_cause_is_known(live):
+    shares = variance_shares(live, 4)
+    assert shares["time"] == pytest.approx((5.0 * 0.02) ** 2)
+    assert shares["height"] == pytest.approx((0.7 * 0.5) ** 2)
+    assert shares["position"] == pytest.approx(0.1**2)
+    assert shares["mount"] == pytest.approx(0.0, abs=1e-12)
+    assert shares["terrain"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_no_share_exceeds_the_targets_variance(live):
+    live.cross = lambda target: 100.0 * np.ones((3, E + 3))
+    assert max(variance_shares(live, 4).values()) <= np.trace(live.place(4)[1][:2, :2])
+
+
+def test_target_that_is_not_held_has_no_shares(live):
+    assert variance_shares(live, 5) == {}
+    assert variance_shares(None, 4) == {}
