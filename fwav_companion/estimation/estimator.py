@@ -218,10 +218,11 @@ class Estimator:
         self.adopt(self.start_solve(now).run())
 
     def _height(self, now: float) -> float:
-        """Camera above the origin's ground, m, as far as known."""
+        """Camera above the ground below it, m, as far as known."""
         up = float(self.estimate.errors[-1, 2]) if len(self.estimate.errors) else 0.0
         position, _, _ = self.carrier.path.at(np.array([min(now, self.carrier.path.newest)]))
-        return float(position[2, 0]) - float(self.estimate.shared[HEIGHT]) - up
+        ground, _ = self.model.ground.height(position[:2])
+        return float(position[2, 0] - ground[0]) - float(self.estimate.shared[HEIGHT]) - up
 
     def _prune(self, now: float, s: Sightings) -> None:
         """Delete attitudes that no kept sighting needs: memory does not grow with the flight."""

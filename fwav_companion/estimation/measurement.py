@@ -169,8 +169,8 @@ def camera_positions(poses: Poses, shared: Array, error: Array) -> Array:
     return np.asarray(camera)
 
 
-def feet(poses: Poses, rays: Array, shared: Array, error: Array, ground: float = 0.0) -> tuple[Array, Bools]:
-    """Ground points (2, M) of observed rays at a constant ground height, and which rays meet the ground."""
+def feet(poses: Poses, rays: Array, shared: Array, error: Array, ground: float | Array = 0.0) -> tuple[Array, Bools]:
+    """Ground points (2, M) of observed rays at ground heights, one or (M,), and which rays meet the ground."""
     camera, down = camera_positions(poses, shared, error), true_rays(poses, rays, shared)
     above = np.maximum(camera[2] - ground, 0.2)
     meets = down[2] > LEAST_DEPRESSION

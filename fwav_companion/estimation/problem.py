@@ -32,6 +32,7 @@ from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
 _SURVEY_DISTANCE2 = 9.0  # squared distance from its survey, in its sigmas, at which a landmark counts by half
+_FOOT_ROUNDS, _SAME_LEVEL_M = 4, 0.1  # rays meet the ground's level at their feet, on a slope after a few rounds
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
 
@@ -238,12 +239,15 @@ class Problem:
             elif not self.model.target(k).surveyed:
                 unknown.append(i)
         if unknown:
-            error = self.error_at_sightings(errors)
-            ground = self.model.ground.height(targets[:, :2].T)[0].take(self.of_target)
-            height = float(np.median(ground)) if len(ground) else 0.0
-            place, _ = feet(self.poses(shared), self.s.rays, shared, error, height)
-            for i in unknown:
-                targets[i, :2] = np.median(place[:, self.of_target == i], axis=1)
+            error, poses = self.error_at_sightings(errors), self.poses(shared)
+            ground: Array = self.model.ground.height(poses.position[:2, :1])[0]  # below the vehicle
+            for _ in range(_FOOT_ROUNDS):
+                place, _ = feet(poses, self.s.rays, shared, error, ground)
+                for i in unknown:
+                    targets[i, :2] = np.median(place[:, self.of_target == i], axis=1)
+                before, ground = ground, self.model.ground.height(targets[:, :2].T)[0].take(self.of_target)
+                if np.abs(ground - before).max() < _SAME_LEVEL_M:
+                    break
         return targets
 
 
