@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -193,7 +194,8 @@ class Estimator:
         self._next_solve = now + [gap for start, gap in _SOLVE_GAPS if since >= start][-1]
         self._has_new_target = False
         self._replayed.clear()
-        return SolveTask(now, self.model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
+        model = replace(self.model, targets=dict(self.targets))  # later landmarks are not this solve's
+        return SolveTask(now, model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
 
     def _is_doubtful(self) -> bool:
         """Whether the last solve refuses many sightings, or contradicts the configuration."""

@@ -7,7 +7,7 @@ is one nuisance of the frame. Kernels of the wander are compared by Laplace's ap
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -181,6 +181,7 @@ def iterate(
         share = step_share(problem, projection, found.step)
         state = state.plus(share * found.step)
         problem.weigh_surveys(state)
+        yield
         if share == 1.0 and found.size < enough:
             break
     return state, found, weighted
@@ -188,11 +189,15 @@ def iterate(
 
 def likeliest_kernel(
     problem: Problem, state: State, kernel: WanderKernel, kernels: tuple[WanderKernel, ...], weigh: Weigh
-) -> WanderKernel:
-    """The kernel of greatest marginal likelihood; all are compared at one linearisation, that of `kernel`."""
+) -> Generator[None, None, WanderKernel]:
+    """The kernel of greatest marginal likelihood; all are compared at one linearisation, that of `kernel`.
+
+    Yields after each kernel.
+    """
     projection = problem.linearise(state, kernel)
     found = {}
     for k in kernels:
         weighted = weigh_sightings(problem, projection, k, weigh)
         found[k] = gauss_newton_step(problem, state, projection, weighted, k, likelihood=True).log_likelihood
+        yield
     return max(found, key=found.__getitem__)

@@ -66,7 +66,7 @@ class SolveTask:
                 return estimate
 
     def slices(self) -> Generator[None, None, Estimate]:
-        """The solve in pieces: one iteration of the delay search each, then the Gauss-Newton iterations."""
+        """The solve in pieces: an iteration of the delay search, a kernel, or a Gauss-Newton step each."""
         start, modes = self.last, self.last.modes
         if self.search:
             found = yield from search_delay(self.kept, self.carrier, self.model, self.t, start.targets)
@@ -80,13 +80,13 @@ class SolveTask:
         state = State(start.shared, problem.first_targets(start.shared, errors, start.targets), errors)
         kernel, weigh, first = start.kernel, expected_weights(start.small), start.small is None
         if first:
-            state, _, _ = iterate(problem, state, kernel, wide_weights, most=_FIRST_ITERATIONS, enough=_ENOUGH)
-            yield
+            state, _, _ = yield from iterate(
+                problem, state, kernel, wide_weights, most=_FIRST_ITERATIONS, enough=_ENOUGH
+            )
         if self.compare_kernels:
-            kernel = likeliest_kernel(problem, state, kernel, self.kernels, weigh)
-            yield
+            kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels, weigh)
         most = _FIRST_FINE if first else _ITERATIONS
-        state, step, weighted = iterate(problem, state, kernel, weigh, most=most, enough=_ENOUGH)
+        state, step, weighted = yield from iterate(problem, state, kernel, weigh, most=most, enough=_ENOUGH)
         order, few = _best_seen_first(problem), np.arange(problem.shared_size)
         rows = problem.shared_size + TARGET_SIZE * order[:, None] + np.arange(TARGET_SIZE)
         end = np.arange(problem.errors_at, problem.errors_at + 3)

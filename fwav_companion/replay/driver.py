@@ -23,6 +23,7 @@ from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.replay.telemetry import ATTITUDES
 from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob
 from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
 MARGIN_NS = 60 * NS_PER_S
@@ -66,7 +67,7 @@ def replay(
         own_filter=own_filter,
         sightings=sightings,
         clock_rate=recording.clock_rate,
-        smooths=smooths,
+        solver=InLineJob if smooths else None,
     )
     tally = ErrorTally(truth) if truth else None
     for _ in _drive(pipeline, recording, own_components(config)):

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.localization import ElevationTile
+from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.service.dispatcher import Dispatcher
 from fwav_companion.service.housekeeping import Housekeeping
 from fwav_companion.service.latest_file import LatestFile, status_paths
@@ -21,6 +22,8 @@ from fwav_companion.service.witness import Witness
 from fwav_companion.types import Notice
 from fwav_companion.types.status import RunStatus
 
+SOLVER_STOP_S = 0.1
+"""Time in which a piece of a solve ends; a thread that takes longer is left behind."""
 FILE_STOP_S = 0.4
 """Time to close each file: four of them stay below the two seconds that a stop may take."""
 WITNESS_INTERVAL_S = 0.2
@@ -38,8 +41,9 @@ class Service:
         elevation: Sequence[ElevationTile],
         extra_files: Mapping[str, bytes],
         attitudes_kept_s: float | None = None,
+        solver: BackgroundSolver | None = None,
     ) -> None:
-        """``elevation``: the tiles of [ground] terrain.
+        """``elevation``: the tiles of [ground] terrain. ``solver``: computes the smoother's solves; None: without it.
 
         ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: length of the
         attitude history for a witness that reads it afterwards.
@@ -51,6 +55,7 @@ class Service:
             elevation=elevation,
             extra_files=extra_files,
             attitudes_kept_s=attitudes_kept_s,
+            solver=solver,
         )
         self._dispatcher = Dispatcher(parts)
         self._fleet = make_fleet(
@@ -135,6 +140,8 @@ class Service:
         for part in (*inputs, *dispatcher.links.values()):
             if part is not None:
                 part.close()
+        if parts.solver is not None:
+            parts.solver.close(SOLVER_STOP_S)
         for file in (parts.journal, self._status_file, parts.signing, parts.calibrations):
             file.close(FILE_STOP_S)
         self._notifier.close()

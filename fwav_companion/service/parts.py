@@ -14,6 +14,7 @@ from fwav_companion.mavlink.router.node import Node
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.self_calibration import KeptCalibration
+from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.service.board import board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.service.journal import Journal
@@ -50,6 +51,8 @@ class ServiceParts(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     node: Node
     journal: Journal
     arrivals: ArrivalCount
+    solver: BackgroundSolver | None
+    """None where the smoother does not estimate."""
 
 
 def make_parts(
@@ -60,6 +63,7 @@ def make_parts(
     elevation: Sequence[ElevationTile],
     extra_files: Mapping[str, bytes],
     attitudes_kept_s: float | None,
+    solver: BackgroundSolver | None,
 ) -> ServiceParts:
     """The parts by the configuration and the files that it names."""
     log, clock = ServiceLog(config), HostClock()
@@ -75,6 +79,7 @@ def make_parts(
         unit=board_name(),
         attitudes_kept_s=attitudes_kept_s,
         written=bool(config.record.directory),
+        solver=solver,
     )
     signing = SigningStore(config, warn, wall_clock_is_synchronised)
     node = make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns))
@@ -90,4 +95,5 @@ def make_parts(
         node=node,
         journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock),
         arrivals=ArrivalCount(),
+        solver=solver,
     )

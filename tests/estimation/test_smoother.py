@@ -40,6 +40,15 @@ def problem():
     return Problem(estimator.model, estimator.carrier, s, place_knots(s.t, float(s.t[-1]), [], stretch=4.0))
 
 
+def result_of(pieces):
+    """What a generator returns at its end."""
+    while True:
+        try:
+            next(pieces)
+        except StopIteration as done:
+            return done.value
+
+
 def start(problem):
     errors = np.zeros((len(problem.knots), 3))
     shared = problem.model.priors.mean
@@ -62,7 +71,7 @@ def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
     samples = problem.carrier.path.buffer.values
     monkeypatch.setattr(problem.carrier.path, "buffer", problem.carrier.path.buffer.copy())
     problem.carrier.path.buffer.values[6:9] = samples[3:6]
-    state, step, _ = iterate(problem, start(problem), SMOOTH, all_weights, most=20, enough=1e-8)
+    state, step, _ = result_of(iterate(problem, start(problem), SMOOTH, all_weights, most=20, enough=1e-8))
     projection = problem.linearise(state, SMOOTH)
     weighted = weigh_sightings(problem, projection, SMOOTH, all_weights)
     white = np.linalg.inv(np.linalg.cholesky(dense_noise(projection, weighted, problem.s)))

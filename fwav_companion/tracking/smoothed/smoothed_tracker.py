@@ -7,7 +7,7 @@ its covariance are the live filter's; before, they are those of a filter of its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -16,7 +16,6 @@ import numpy as np
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
@@ -34,6 +33,7 @@ from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, Sampl
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedChoice
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, PendingSolve, SolveCounts, Solver
 from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.tracking.tracker import Tracker
@@ -57,27 +57,6 @@ MOST_WAITING = 64
 """Detections of a tentative track that are kept for the smoother."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
-Solver = Callable[[SolveTask], Callable[[], Estimate]]
-"""Starts a solve; the returned function gives its estimate, and waits for it where need be."""
-
-
-def in_line(task: SolveTask) -> Callable[[], Estimate]:
-    """Solve when the estimate is asked for, once."""
-    found: list[Estimate] = []
-
-    def estimate() -> Estimate:
-        if not found:
-            found.append(task.run())
-        return found[0]
-
-    return estimate
-
-
-class PendingSolve(msgspec.Struct, frozen=True):
-    """A solve that was started and is not yet taken over."""
-
-    due_s: float
-    estimate: Callable[[], Estimate]
 
 
 @dataclass
@@ -116,16 +95,18 @@ class SmoothedTracker(Tracker):
         "_smoothing",
         "_solver",
         "_start",
+        "solves",
     )
 
     def __init__(
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
-        kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = in_line, patience_ns: int = 0,
+        kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = InLineJob, patience_ns: int = 0,
         landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
         gimbal_heading_sigma: float | None = None,
     ) -> None:  # fmt: skip
         """``consider``: no self-calibration; the priors of all parameters count in every covariance.
 
+        ``solver``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
         ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None: the
         camera is fixed to the body.
         """
@@ -138,6 +119,8 @@ class SmoothedTracker(Tracker):
         self._answers: FrameAnswers | None = None
         self._sights: Sightings | None = None
         self._host_ns = HostNs(0)
+        self.solves = SolveCounts()
+        """Counts of the flight; a return to an earlier state does not change them."""
 
     def _begin_smoothing(self) -> Smoothing:
         reference = self._ground()
@@ -178,9 +161,7 @@ class SmoothedTracker(Tracker):
         reference = self._ground()
         self._samples.feed(estimator, reference)
         self._follow_ground(reference)
-        if smoothing.pending is not None and t >= smoothing.pending.due_s:
-            estimator.adopt(smoothing.pending.estimate())
-            smoothing.pending = None
+        self._take_over(t)
         self._follow_receiver(view)
         self._answers = FrameAnswers(estimator, t, view, is_mapped=reference.surface is not None)
         self._sights = sightings_of(view.frame, view.fixes) if view.fixes else None
@@ -198,6 +179,18 @@ class SmoothedTracker(Tracker):
         if reference != smoothing.reference:
             smoothing.reference = reference
             smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
+    def _take_over(self, t: float) -> None:
+        """Take over a solve that is due; one that is late is counted, and taken over at the first frame after it."""
+        smoothing, pending = self._smoothing, self._smoothing.pending
+        if pending is None or t < pending.due_s:
+            return
+        estimate = pending.job.estimate()
+        if estimate is None:
+            self.solves.miss(pending)
+            return
+        smoothing.estimator.adopt(estimate)
+        smoothing.pending = None
+        self.solves.taken += 1
 
     def _follow_receiver(self, view: FrameView) -> None:
         """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""
