@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fwav_companion.estimation.errors import CAMERA_DELAY, Array
+from fwav_companion.estimation.information import WeightedSightings
 from fwav_companion.estimation.kept_sightings import Sightings, spread
+from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
 from fwav_companion.estimation.smoother import gauss_newton_step, weigh_sightings, wide_weights
@@ -43,22 +45,44 @@ def search_delay(
 ) -> Generator[None, None, list[DelayMode]]:
     """Optima within a cost of 25 of the best one, best first; yields between pieces of bounded work.
 
-    A piece is one iteration over at most 150 sightings.
+    A piece is one iteration over at most 150 sightings, or half of one.
     """
     s = spread(kept, _SIGHTINGS, now - _SPAN_S)
     end = max(float(s.t[-1]), float(s.t[0]) + _KNOT_GAP_S)
     # One kernel, knots far apart and wide weights: only the delay counts here.
     problem = Problem(model, carrier, s, np.arange(float(s.t[0]) - 0.01, end + _KNOT_GAP_S + 0.1, _KNOT_GAP_S))
-    found: list[DelayMode] = []
-    for start, gap in _starts(model):
-        found.append((yield from _descend(problem, start, gap, known)))
-    found.sort(key=lambda mode: mode.cost)
+    starts = [_Descent(problem, start, gap, known) for start, gap in _starts(model)]
+    for descent in starts:
+        descent.step()
+        yield
+    costs = []
+    for descent in starts:
+        costs.append(descent.cost())
+        yield
+    for i in _promising(np.array(costs)):
+        for _ in range(_ROUNDS - 1):
+            starts[i].step()
+            yield
+        costs[i] = starts[i].cost()
+        yield
+    least = min(costs)
     modes: list[DelayMode] = []
-    for mode in found:
+    for i in np.argsort(costs, kind="stable").tolist():
+        mode = starts[i].mode(costs[i] - least)
         near = any(abs(mode.shared[CAMERA_DELAY] - m.shared[CAMERA_DELAY]) <= _NEAR_S for m in modes)
-        if mode.cost - found[0].cost < _NEAR_COST and not near:
-            modes.append(mode._replace(cost=mode.cost - found[0].cost))
+        if mode.cost < _NEAR_COST and not near:
+            modes.append(mode)
     return modes
+
+
+def _promising(costs: Array) -> list[int]:
+    """Starts that go on after their first iteration: each lower than its neighbours, and those near the lowest.
+
+    A start on a slope is carried by its neighbours further down, which reach the same optimum.
+    """
+    padded = np.concatenate([[np.inf], costs, [np.inf]])
+    valley = (costs <= padded[:-2]) & (costs <= padded[2:])
+    return np.flatnonzero(valley | (costs < costs.min() + _NEAR_COST)).tolist()
 
 
 def _starts(model: Model) -> list[tuple[float, float]]:
@@ -72,29 +96,45 @@ def _starts(model: Model) -> list[tuple[float, float]]:
     return [(mean + i * gap, gap) for i in range(-half, half + 1)]
 
 
-def _descend(
-    problem: Problem, start: float, gap: float, known: Mapping[int, Array]
-) -> Generator[None, None, DelayMode]:
+class _Descent:
     """A few iterations from one delay, which may move by one and a half gaps."""
-    shared = problem.model.priors.mean.copy()
-    shared[CAMERA_DELAY] = start
-    errors = np.zeros((len(problem.knots), 3))
-    surveyed = {k: v for k, v in known.items() if problem.model.target(k).surveyed}
-    state = State(shared, problem.first_targets(shared, errors, surveyed), errors)
-    log_det = 0.0
-    for _ in range(_ROUNDS):
-        projection = problem.linearise(state, QUICK)
-        weighted = weigh_sightings(problem, projection, QUICK, wide_weights)
-        found = gauss_newton_step(problem, state, projection, weighted, QUICK, likelihood=True)
-        step, log_det = found.step, found.log_determinant
-        delay = float(state.shared[CAMERA_DELAY])
-        step[CAMERA_DELAY] = min(max(delay + step[CAMERA_DELAY], start - 1.5 * gap), start + 1.5 * gap) - delay
-        state = state.plus(step)
-        yield
-    projection = problem.linearise(state, QUICK)
-    weighted = weigh_sightings(problem, projection, QUICK, wide_weights)
-    deviation = problem.deviation(state)
-    distance2 = np.where(projection.visible, weighted.distance2, 1e6)
-    cost = _COST_SCALE * np.log1p(distance2 / _COST_SCALE).sum() + deviation @ problem.prior(QUICK)[0] @ deviation
-    targets = dict(zip(problem.ids.tolist(), state.targets, strict=True))
-    return DelayMode(float(cost) + log_det, state.shared, targets)
+
+    def __init__(self, problem: Problem, start: float, gap: float, known: Mapping[int, Array]) -> None:
+        self._problem, self._least, self._most = problem, start - 1.5 * gap, start + 1.5 * gap
+        shared = problem.model.priors.mean.copy()
+        shared[CAMERA_DELAY] = start
+        errors = np.zeros((len(problem.knots), 3))
+        surveyed = {k: v for k, v in known.items() if problem.model.target(k).surveyed}
+        self._state = State(shared, problem.first_targets(shared, errors, surveyed), errors)
+        self._log_det = 0.0
+        self._linearised: tuple[Projection, WeightedSightings, Array] | None = None
+
+    def _linearise(self) -> tuple[Projection, WeightedSightings]:
+        problem = self._problem
+        if self._linearised is None:
+            projection = problem.linearise(self._state, QUICK)
+            self._linearised = projection, weigh_sightings(problem, projection, QUICK, wide_weights), problem.slope
+        projection, weighted, problem.slope = self._linearised  # others have linearised the problem since
+        return projection, weighted
+
+    def step(self) -> None:
+        """One iteration."""
+        projection, weighted = self._linearise()
+        found = gauss_newton_step(self._problem, self._state, projection, weighted, QUICK, likelihood=True)
+        step, self._log_det = found.step, found.log_determinant
+        delay = float(self._state.shared[CAMERA_DELAY])
+        step[CAMERA_DELAY] = min(max(delay + step[CAMERA_DELAY], self._least), self._most) - delay
+        self._state, self._linearised = self._state.plus(step), None
+
+    def cost(self) -> float:
+        """Twice a negative log likelihood, up to a constant."""
+        projection, weighted = self._linearise()
+        deviation = self._problem.deviation(self._state)
+        distance2 = np.where(projection.visible, weighted.distance2, 1e6)
+        fit = _COST_SCALE * np.log1p(distance2 / _COST_SCALE).sum()
+        return float(fit + deviation @ self._problem.prior(QUICK)[0] @ deviation) + self._log_det
+
+    def mode(self, cost: float) -> DelayMode:
+        """The state reached."""
+        targets = dict(zip(self._problem.ids.tolist(), self._state.targets, strict=True))
+        return DelayMode(cost, self._state.shared, targets)

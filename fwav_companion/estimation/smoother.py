@@ -171,11 +171,15 @@ def step_share(problem: Problem, projection: Projection, step: Array) -> float:
 
 def iterate(
     problem: Problem, state: State, kernel: WanderKernel, weigh: Weigh, *, most: int, enough: float
-) -> tuple[State, Step, WeightedSightings]:
-    """Gauss-Newton from `state`: at most `most` steps, or until a step's squared length is below `enough`."""
+) -> Generator[None, None, tuple[State, Step, WeightedSightings]]:
+    """Gauss-Newton from `state`: at most `most` steps, or until a step's squared length is below `enough`.
+
+    Yields between two halves of each step.
+    """
     for _ in range(most):
         projection = problem.linearise(state, kernel)
         weighted = weigh_sightings(problem, projection, kernel, weigh)
+        yield
         found = gauss_newton_step(problem, state, projection, weighted, kernel)
         problem.bridge = bridge_means(problem, projection, weighted, kernel)
         share = step_share(problem, projection, found.step)
