@@ -52,6 +52,7 @@ _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for
 SOLVED_TARGETS = 24  # columns of a solve are bounded; the best seen are in it
 _REPLAYED = 300  # frames between a solve's start and its take-over
 _ATTITUDE_MARGIN_S, _PRUNE_S, _PRUNED_AGE_S = 1.0, 30.0, 40.0
+_AT_REST, _NO_SPREAD = np.zeros(2), np.zeros((2, 2))
 
 
 class Estimator:
@@ -80,6 +81,7 @@ class Estimator:
         self._next_solve = self._next_kernels = self._next_search = self._next_prune = -np.inf
         self._has_new_target = False
         self._solved_height_m = 0.0
+        self._answers: tuple[LiveFilter, int, float, dict[int, TargetAnswer]] | None = None
 
     # Telemetry and frames, in order of time.
 
@@ -241,26 +243,36 @@ class Estimator:
         live = self.live
         if live is None:
             return None
+        if target in self.moving:
+            position, velocity = self._vehicle(t)
+            return self._moving_answer(live, self.moving[target], t, position, velocity)
+        answers = self._answers
+        if answers is None or answers[:3] != (live, live.version, t):
+            answers = self._answers = live, live.version, t, self._static_answers(live, t)
+        return answers[3].get(target)
+
+    def _static_answers(self, live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
+        """All static targets at the instant t: together they cost little more than one."""
         position, velocity = self._vehicle(t)
         rows, added = live.vehicle_rows(t, velocity)
         (level, _), (up, _) = self.carrier.path.noise
-        vehicle_variance = added + np.array([level, level, up]) ** 2
         vehicle = position - rows @ live.mean
         rows[2, HEIGHT] = 1.0
         vehicle[2] -= live.mean[HEIGHT]
-        if target in self.moving:
-            return self._moving_answer(live, self.moving[target], t, position, velocity)
-        if target not in live.at and target not in live.other:
-            return None
-        place, covariance = live.place(target)
-        ground, slope = self.model.ground.height(place[:2, None])
-        lift = np.eye(3)
-        lift[2, :2] = slope[:, 0]
-        place = np.array([place[0], place[1], place[2] + float(ground[0])])
-        cross = lift @ live.cross(target) @ rows.T  # (3, 3)
-        own = lift @ covariance @ lift.T
-        relative = own + cross + cross.T + rows @ live.covariance @ rows.T + np.diag(vehicle_variance)
-        return TargetAnswer(place, own, place - vehicle, relative, np.zeros(2), np.zeros((2, 2)))
+        common = rows @ live.covariance @ rows.T + np.diag(added + np.array([level, level, up]) ** 2)
+        place, covariance, cross = live.places()
+        ground, slope = self.model.ground.height(place[:, :2].T)
+        place[:, 2] += ground
+        own, seen = covariance, cross @ rows.T  # (T, 3, 3) each
+        if slope.any():
+            lift = np.tile(np.eye(3), (len(place), 1, 1))
+            lift[:, 2, :2] = slope.T
+            own, seen = lift @ own @ lift.swapaxes(1, 2), lift @ seen
+        relative = own + seen + seen.swapaxes(1, 2) + common
+        return {
+            k: TargetAnswer(place[i], own[i], place[i] - vehicle, relative[i], _AT_REST, _NO_SPREAD)
+            for i, k in enumerate(live.targets.tolist())
+        }
 
     def _moving_answer(
         self, live: LiveFilter, moving: MovingTarget, t: float, position: Array, velocity: Array

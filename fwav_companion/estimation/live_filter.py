@@ -61,6 +61,7 @@ class LiveFilter:
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self._pose: tuple[float, Poses] | None = None
+        self.version = 0  # grows with every change of means or covariances
 
     def _wander_as(self, wanders: tuple[Wander, Wander]) -> None:
         self.wanders = wanders
@@ -121,6 +122,7 @@ class LiveFilter:
             self.other_cross[:, :, e] *= keep
         self.covariance[e, e] += added
         self._change_solution(t)
+        self.version += 1
         for b in self.carrier.path.breaks:
             if self.t < b.after <= t:
                 self.covariance[e, e] += step_variance(b)
@@ -249,6 +251,7 @@ class LiveFilter:
             self.refused += int((~use).sum())
             self.surprise += float(found.distance2[use].sum())
             if use.any():
+                self.version += 1
                 update(found, h, own, np.flatnonzero(use))
 
     def _update_base(self, found: FramePrediction, h: Array, own: Array, use: Ints) -> None:
@@ -304,19 +307,20 @@ class LiveFilter:
             self.other_covariance[o] = 0.5 * (c + c.T)
             self.other_cross[o] = self.other_cross[o] - gain @ base.T
 
-    def place(self, target: int) -> tuple[Array, Array]:
-        """Mean (3,) and covariance (3, 3) of a target: north, east, height above the surface."""
-        if target in self.at:
-            i = slice(self.at[target], self.at[target] + TARGET_SIZE)
-            return self.mean[i], self.covariance[i, i]
-        o = self.other[target]
-        return self.other_mean[o], self.other_covariance[o]
-
-    def cross(self, target: int) -> Array:
-        """Covariance (3, n) of a target with the base state."""
-        if target in self.at:
-            return np.asarray(self.covariance[self.at[target] : self.at[target] + TARGET_SIZE])
-        return np.asarray(self.other_cross[self.other[target]])
+    def places(self) -> tuple[Array, Array, Array]:
+        """Of all `targets`: means (T, 3) north, east, height above the surface, covariances (T, 3, 3), and covariances
+        (T, 3, n) with the base state.
+        """
+        block = np.arange(self.size, self.error).reshape(-1, TARGET_SIZE)
+        mean, cross = self.mean[block], self.covariance[block]
+        own = self.covariance[block[:, :, None], block[:, None, :]]
+        if not self.other:
+            return mean, own, cross
+        return (
+            np.concatenate([mean, self.other_mean]),
+            np.concatenate([own, self.other_covariance]),
+            np.concatenate([cross, self.other_cross]),
+        )
 
     def vehicle_rows(self, t: float, velocity: Array) -> tuple[Array, Array]:
         """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
