@@ -41,6 +41,19 @@ class ParameterStatus:
     status: Status
     reason: str | None  # what is missing, or how far the estimate is from the configuration
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the flight shows the parameter, by its sigma."""
+        return self.sigma < CALIBRATED_SHARE * self.prior_sigma
+
+    @property
+    def alone(self) -> float:
+        """The estimate without its prior; the estimate itself where the flight shows nothing."""
+        precision, prior = 1.0 / (self.sigma * self.sigma), 1.0 / (self.prior_sigma * self.prior_sigma)
+        if precision <= 1.0001 * prior:
+            return self.estimate
+        return (precision * self.estimate - prior * self.prior_mean) / (precision - prior)
+
 
 _MISSING = {
     "camera_delay_s": "turns or shaking while a target is in view",
@@ -66,7 +79,7 @@ def parameter_statuses(
         status: Status = "waiting"
         reason: str | None = _MISSING.get(name, "more motion while a target is in view")
         if distance > CONTRADICTION_SIGMAS:
-            status, reason = "contradicts", f"{name} is {distance:.1f} sigmas from the configuration"
+            status, reason = "contradicts", contradiction(distance)
         elif consider:
             reason = "self-calibration is off"
         elif prior_sigma <= max(LEAST_SIGMA, float(_NEGLIGIBLE[i])) or sigma[i] < CALIBRATED_SHARE * prior_sigma:
@@ -74,6 +87,11 @@ def parameter_statuses(
         prior_mean = float(priors.mean[i])
         statuses.append(ParameterStatus(name, float(mean[i]), float(sigma[i]), prior_mean, prior_sigma, status, reason))
     return tuple(statuses)
+
+
+def contradiction(sigmas: float) -> str:
+    """The reason of a parameter that contradicts the configuration."""
+    return f"{sigmas:.1f} sigmas from the configuration"
 
 
 def is_calibrated(statuses: tuple[ParameterStatus, ...]) -> bool:

@@ -11,14 +11,17 @@ import numpy as np
 
 from fwav_companion.estimation.answers import (
     CALIBRATED_SHARE,
+    CONTRADICTION_SIGMAS,
     ParameterStatus,
     Status,
     TargetAnswer,
+    contradiction,
     parameter_statuses,
 )
 from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
+    CAMERA_DELAY,
     GIMBAL_SHARED,
     HEIGHT,
     MOUNT,
@@ -46,7 +49,8 @@ _SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
 _LEAST_GAP_S = 0.999
 _KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
 _EARLY_SEARCHES, _SECOND_SEARCH_S = 2, 3.0
-_SEARCH_GAP_S, _REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
+_SEARCH_GAP_S, REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
+_RIVAL_COST = 9.0  # of a delay's mode above the best one: three sigmas
 _HEIGHT_CHANGE, _LEAST_HEIGHT_M = 0.1, 0.3  # in a descent the picture's scale ages with the height
 _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for a solve
 SOLVED_TARGETS = 24  # columns of a solve are bounded; the best seen are in it
@@ -200,9 +204,13 @@ class Estimator:
         return SolveTask(now, model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
 
     def _is_doubtful(self) -> bool:
-        """Whether the last solve refuses many sightings, or contradicts the configuration."""
+        """Whether the last solve refuses many sightings, contradicts the configuration, or has a rival."""
         contradicts = any(s.status == "contradicts" for s in self.self_calibration())
-        return self.estimate.weight < _REFUSED_WEIGHT or contradicts
+        return self.estimate.weight < REFUSED_WEIGHT or contradicts or len(self.rival_delays()) > 1
+
+    def rival_delays(self) -> list[float]:
+        """Errors of the camera's delay between which the last search does not decide, likeliest first, s."""
+        return [float(m.shared[CAMERA_DELAY]) for m in self.estimate.modes if m.cost < _RIVAL_COST]
 
     def adopt(self, estimate: Estimate) -> None:
         """Take over a solve's estimate and replay the frames since its start."""
@@ -326,6 +334,9 @@ class Estimator:
             name = ("mount_and_roll_rad", "mount_and_pitch_rad")[index]
             prior_mean = float(priors.mean[rows].sum())
             status: Status = "calibrated" if known else "waiting"
+            distance = abs(total - prior_mean) / prior
+            if distance > CONTRADICTION_SIGMAS:
+                status, reason = "contradicts", contradiction(distance)
             found.append(ParameterStatus(name, total, sigma, prior_mean, prior, status, reason))
         return found[0], found[1]
 

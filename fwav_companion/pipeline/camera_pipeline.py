@@ -48,7 +48,7 @@ from fwav_companion.types import (
     Track,
     Unpaired,
 )
-from fwav_companion.types.flight_status import LandmarkReport, SightReport
+from fwav_companion.types.flight_status import LandmarkReport, SightReport, SolveReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Time by which the clock is advanced at the end of a flight: longer than every wait and window."""
@@ -201,6 +201,11 @@ class CameraPipeline:
         return self._reorder.tracker.calibration
 
     @property
+    def solves(self) -> SolveReport | None:
+        """Counts of the smoother's solves; None where it does not estimate."""
+        return self._reorder.tracker.solves
+
+    @property
     def crowd(self) -> Crowd:
         """The labels of which more detections fit no track than new targets explain."""
         return self._reorder.tracker.crowd
@@ -240,6 +245,7 @@ class CameraPipeline:
             agreement=self._agreement.status(),
             readout=self.readout.status(),
             landmarks=self._landmark_reports(),
+            solves=self.solves,
         )
 
     def _landmark_reports(self) -> list[LandmarkReport]:

@@ -6,6 +6,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.crowd_notices import CrowdNotices
 from fwav_companion.pipeline.output_buffer import OutputBuffer
+from fwav_companion.pipeline.solve_notices import SolveNotices
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.pipeline.terrain_reports import TerrainReports
 from fwav_companion.recording.lines import unix_seconds
@@ -24,6 +25,7 @@ class SecondLines:
         self._unix_offset_ns = unix_offset_ns
         self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
         self._crowds = CrowdNotices()
+        self._solves = SolveNotices()
 
     def next_after(self, now: HostNs) -> HostNs:
         """Host instant of the next whole second of the recording's clock."""
@@ -40,6 +42,8 @@ class SecondLines:
         self._outputs.notify(camera.readout.notices(), at)
         if camera.crowd.labels:
             self._outputs.notify(self._crowds.notices(camera.crowd), at)
+        if camera.solves is not None:
+            self._outputs.notify(self._solves.notices(camera.solves), at)
         self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
         text = camera.shift_by_landmark()
         if text:

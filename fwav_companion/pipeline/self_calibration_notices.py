@@ -13,6 +13,9 @@ from fwav_companion.types.flight_status import SelfCalibrationReport
 
 REPLACED = "self-calibration: the camera has moved since an earlier flight; that calibration is dropped"
 
+DENIED_S = 3
+"""Seconds for which the smoother must contradict a prior before it is reported: its first solves see few sightings."""
+
 
 class SelfCalibrationNotices:
     """Reports about one camera with its configured mount and delay."""
@@ -23,6 +26,8 @@ class SelfCalibrationNotices:
         self._reported_mistake = ""
         self._reported_denied: set[int] = set()
         self._reported_replaced = False
+        self._denied_s = 0
+        """Number of reports in a row, one a second, that contradict a prior."""
         self._reported_status = CalibrationStatus.WAITING
 
     def line(self, report: CalibrationReport, time_unix: float) -> Line:
@@ -36,6 +41,7 @@ class SelfCalibrationNotices:
             status=report.status.value,
             reason=report.reason,
             mistake=report.mistake,
+            parameters=report.parameters,
         )
 
     def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:
@@ -53,7 +59,8 @@ class SelfCalibrationNotices:
         if report.replaced and not self._reported_replaced:
             self._reported_replaced = True
             made = (*made, Notice(NoticeCode.CALIBRATION_DROPPED, Severity.WARNING, REPLACED, to_ground=True))
-        if report.status is CalibrationStatus.CALIBRATED:
+        self._denied_s = self._denied_s + 1 if report.denied else 0
+        if report.status is CalibrationStatus.CALIBRATED or (report.parameters and self._denied_s >= DENIED_S):
             made = (*made, *self._denials(report))
         return made
 
@@ -101,6 +108,7 @@ class SelfCalibrationNotices:
             mistake=report.mistake,
             replaced=report.replaced,
             configuration_lines=self.configuration_lines(report),
+            parameters=list(report.parameters),
         )
 
 

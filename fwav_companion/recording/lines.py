@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any
 
@@ -12,6 +12,7 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3, subtract, transform
 from fwav_companion.types import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
+from fwav_companion.types.flight_status import ParameterReport
 
 SCHEMA = 1
 Line = Mapping[str, Any]
@@ -167,12 +168,14 @@ def calibration_line(
     status: str,
     reason: str | None,
     mistake: str = "",
+    parameters: Sequence[ParameterReport] = (),
 ) -> Line:
     """Estimates of self-calibration, written about once a second.
 
-    ``reason``: what is missing, null when calibrated; ``mistake``: a gross error of the mount.
+    ``reason``: what is missing, null when calibrated; ``mistake``: a gross error of the mount. ``parameters``: status
+    of each.
     """
-    line: Line = {
+    line: dict[str, Any] = {
         "type": "calibration",
         "time_unix": time_unix,
         "time_offset_s": time_offset_s,
@@ -182,6 +185,8 @@ def calibration_line(
         "status": status,
         "reason": reason,
     }
+    if parameters:
+        line["parameters"] = [msgspec.to_builtins(each) for each in parameters]
     return {**line, "mistake": mistake} if mistake else line
 
 

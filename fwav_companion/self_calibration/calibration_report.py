@@ -9,6 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.types.flight_status import ParameterReport
 
 MOST_PRIOR_SIGMAS = 6.0
 """Largest distance of a kept calibration from the configuration, prior sigmas: 1 flight in 500 million has a larger one
@@ -150,3 +151,5 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
     keep: KeptCalibration | None = None
     """Calibration for the next flight; None while nothing is worth keeping."""
+    parameters: tuple[ParameterReport, ...] = ()
+    """Status of each parameter, where the smoother estimates."""

@@ -21,6 +21,7 @@ from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack, detector_after, opened, teaches, with_shared_evidence
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState, VehicleState
+from fwav_companion.types.flight_status import SolveReport
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -76,6 +77,11 @@ class Tracker:
             return self._calibrating.calibration
         calibrator = self._calibrated_by._state.calibrator
         return None if calibrator is None else calibrator.report()
+
+    @property
+    def solves(self) -> SolveReport | None:
+        """Counts of the smoother's solves; None without a smoother."""
+        return None if self._calibrating is None else self._calibrating.solves
 
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The reported targets of all live tracks, by id."""

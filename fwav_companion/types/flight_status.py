@@ -211,6 +211,33 @@ class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     agreement: AgreementReport = AgreementReport()
     readout: ReadoutReport = ReadoutReport()
     landmarks: list[LandmarkReport] = []
+    solves: SolveReport | None = None
+    """Solves of the smoother; None where it does not estimate."""
+
+
+class ParameterReport(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One of the errors that all sightings of a flight share."""
+
+    name: str
+    """With its unit, as ``mount_x_deg``."""
+    status: str = ""
+    """``calibrated``, ``waiting`` or ``contradicts`` (the configuration)."""
+    reason: str | None = None
+    """What it waits for, or by how many sigmas it contradicts which key; None when calibrated."""
+    estimate: float = 0.0
+    """Reported minus true; of the mount its correction, true minus configured."""
+    sigma: float = 0.0
+    prior_sigma: float = 0.0
+    """One sigma before the flight."""
+
+
+class SolveReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Solves of the smoother."""
+
+    taken: int = 0
+    """Solves that were taken over."""
+    late: int = 0
+    """Solves that were not ready at their take-over: the board is overloaded."""
 
 
 class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -233,6 +260,8 @@ class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Whether an earlier flight's calibration was dropped because the camera has moved."""
     configuration_lines: list[str] = []
     """Lines to paste into the configuration."""
+    parameters: list[ParameterReport] = []
+    """Status of each parameter, where the smoother estimates."""
 
 
 class LandingReport(msgspec.Struct, frozen=True, kw_only=True):

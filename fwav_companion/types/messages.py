@@ -184,6 +184,8 @@ class NoticeCode(StrEnum):
     """The camera has moved since an earlier flight: the calibration of that flight is dropped."""
     PRIOR_EXCEEDED = "prior_exceeded"
     """The flight shows an error beyond its configured prior."""
+    SOLVES_LATE = "solves_late"
+    """Solves of the smoother were not ready at their take-over."""
 
 
 class Severity(StrEnum):

@@ -29,13 +29,13 @@ def lines_by(flight, solver, monkeypatch):
 
     def begun(self, *args, **kwargs):
         begin(self, *args, **kwargs)
-        counts.append(self.solves)
+        counts.append(self)
 
     with monkeypatch.context() as patch:
         patch.setattr(SmoothedTracker, "__init__", begun)
         patch.setattr(driver, "InLineJob", solver)
         lines = list(replayed(*flight, "third"))
-    return lines, counts[0]
+    return lines, counts[0].solves
 
 
 class WaitedJob:

@@ -17,8 +17,9 @@ from fwav_companion.tools.report.drawing import (
     thinned,
 )
 from fwav_companion.tools.report.flight_data import CalibrationSample, FlightData, PlantedErrors
-from fwav_companion.tools.report.page_elements import figure, key, section
+from fwav_companion.tools.report.page_elements import figure, key, row, section, table
 from fwav_companion.tools.report.wording import SIGMAS_95
+from fwav_companion.types.flight_status import ParameterReport
 
 MOST_POINTS = 300
 MARGIN = 0.18
@@ -34,6 +35,9 @@ WHAT_IS_THE_MOUNT = (
     "The mount is a rotation about the body axes. A constant error of the autopilot's roll, pitch or heading has the "
     "same effect and is part of it."
 )
+STATES = {"contradicts": "contradicts the configuration"}
+LEAST_SHOWN_SIGMA = 1e-4
+"""Sigma before the flight below which an error is not listed: it is stated as exact."""
 UNITS = {" ms": "milliseconds", "°": "degrees"}
 AXES = ("x (roll)", "y (pitch)", "z (yaw)")
 
@@ -70,7 +74,31 @@ def calibration_section(flight: FlightData) -> str:
     drawn = "".join(
         figure(each.name, quantity_chart(each), each.caption) for each in quantities(flight.calibration, flight.planted)
     )
-    return section("Self-calibration of the camera", words, f'{key(entries)}<div class="grid four">{drawn}</div>')
+    listed = parameter_table(flight.calibration[-1].parameters)
+    return section(
+        "Self-calibration of the camera", words, f'{key(entries)}<div class="grid four">{drawn}</div>{listed}'
+    )
+
+
+def parameter_table(parameters: Sequence[ParameterReport]) -> str:
+    """What the flight shows of each error that its sightings share, at its end; empty without one."""
+    if not parameters:
+        return ""
+    rows = [
+        row(
+            (
+                each.name,
+                f"{each.estimate:+.3g}",
+                f"{SIGMAS_95 * each.sigma:.2g}",
+                f"{SIGMAS_95 * each.prior_sigma:.2g}",
+                STATES.get(each.status, each.status) + (f": {each.reason}" if each.reason else ""),
+            ),
+            "off" if each.status == "contradicts" else "",
+        )
+        for each in parameters
+        if each.prior_sigma > LEAST_SHOWN_SIGMA
+    ]
+    return table(("Error", "found", "95 % within ±", "before the flight ±", "status"), rows)
 
 
 def quantities(samples: Sequence[CalibrationSample], planted: PlantedErrors | None) -> list[CalibratedQuantity]:

@@ -29,6 +29,7 @@ from fwav_companion.tools.report.true_vehicle_path import (
     position_errors,
 )
 from fwav_companion.tools.report.wording import SIGMAS_95
+from fwav_companion.types.flight_status import ParameterReport
 
 
 class ClockSample(msgspec.Struct, frozen=True):
@@ -53,6 +54,8 @@ class CalibrationSample(msgspec.Struct, frozen=True):
     status: str
     mistake: str
     """A gross mistake of the mount; empty if none was found."""
+    parameters: Sequence[ParameterReport] = ()
+    """Status of each parameter, where the smoother estimated."""
 
 
 class PlantedErrors(msgspec.Struct, frozen=True):
@@ -283,4 +286,5 @@ def _calibration_sample(line: Line, start: float) -> CalibrationSample:
         mount_sigma_deg=line["mount_sigma_deg"],
         status=line["status"],
         mistake=line.get("mistake", ""),
+        parameters=msgspec.convert(line.get("parameters", []), list[ParameterReport]),
     )

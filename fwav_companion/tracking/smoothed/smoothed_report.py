@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import hypot
 
 from fwav_companion.estimation.answers import ParameterStatus
@@ -13,15 +14,19 @@ from fwav_companion.estimation.errors import (
     MOUNT,
     POSITION_DELAY,
 )
-from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.estimator import REFUSED_WEIGHT, Estimator
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, KeptCalibration, PriorInflation
 from fwav_companion.self_calibration.calibration_report import SharedParameter
+from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
+from fwav_companion.types.flight_status import ParameterReport
 
 _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} | {
     MOUNT.start + k: SharedParameter(SharedParameter.MOUNT_X + k) for k in range(3)
 }
 """Parameters whose contradicted priors are reported, and their numbers there."""
+NEVER_SOLVED = "no target was seen long enough with a global position"
+REFUSES = "half of the sightings fit no estimate: check the camera's calibration and mount, and [ground] model"
 
 
 def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
@@ -29,10 +34,11 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
 
     Its x and y count what the attitude is tilted: that is what the configuration must turn.
     """
-    statuses = estimator.self_calibration()
-    delay, height, z = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT][2]
-    x, y = estimator.camera_tilt()
-    status, reason = _status(estimator, statuses)
+    statuses = camera_statuses(estimator)
+    parameters = parameter_reports(statuses)
+    delay, height, (x, y, z) = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT]
+    rivals = tuple(estimator.rival_delays()) if not delay.is_known else ()
+    status, reason = _status(estimator, statuses, parameters, is_ambiguous=len(rivals) > 1)
     return CalibrationReport(
         host_ns=host_ns,
         time_offset_s=delay.estimate,
@@ -43,31 +49,42 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
         height_sigma_m=height.sigma,
         status=status,
         reason=reason,
-        denied=tuple(
-            PriorInflation(_NAMED[i], s.prior_mean, s.prior_sigma, s.estimate)
-            for i, s in enumerate(statuses)
-            if s.status == "contradicts" and i in _NAMED
-        ),
-        keep=_kept(statuses, x, y) if status is CalibrationStatus.CALIBRATED else None,
+        alternatives=rivals if status is CalibrationStatus.AMBIGUOUS else (),
+        denied=tuple(_inflation(i, s) for i, s in enumerate(statuses) if s.status == "contradicts" and i in _NAMED),
+        keep=_kept(statuses) if status is CalibrationStatus.CALIBRATED else None,
+        parameters=parameters,
     )
 
 
-def _status(estimator: Estimator, statuses: tuple[ParameterStatus, ...]) -> tuple[CalibrationStatus, str | None]:
+def _status(
+    estimator: Estimator, statuses: Sequence[ParameterStatus], parameters: Sequence[ParameterReport],
+    *, is_ambiguous: bool,
+) -> tuple[CalibrationStatus, str | None]:  # fmt: skip
     if estimator.live is None:
-        return CalibrationStatus.WAITING, "no target was seen long enough with a global position"
-    needed = (statuses[CAMERA_DELAY], *estimator.camera_tilt(), statuses[MOUNT][2])
-    missing = [s for s in statuses if s.status == "contradicts"] or [s for s in needed if s.status == "waiting"]
+        return CalibrationStatus.WAITING, NEVER_SOLVED
+    needed = (parameters[CAMERA_DELAY], *parameters[MOUNT])
+    missing = [p for p in parameters if p.status == "contradicts"] or [p for p in needed if p.status == "waiting"]
     if not missing:
         return CalibrationStatus.CALIBRATED, None
     reason = f"{missing[0].name}: {missing[0].reason}"
-    known = statuses[CAMERA_DELAY].status == "calibrated"
-    return (CalibrationStatus.TIME if known else CalibrationStatus.WAITING), reason
+    if is_ambiguous:
+        return CalibrationStatus.AMBIGUOUS, reason
+    if estimator.estimate.weight < REFUSED_WEIGHT and missing[0].status == "waiting":
+        reason = REFUSES
+    # A delay beyond its prior is known as well: it is what the configuration must say.
+    return (CalibrationStatus.TIME if statuses[CAMERA_DELAY].is_known else CalibrationStatus.WAITING), reason
 
 
-def _kept(statuses: tuple[ParameterStatus, ...], x: ParameterStatus, y: ParameterStatus) -> KeptCalibration:
+def _inflation(index: int, status: ParameterStatus) -> PriorInflation:
+    """A contradicted prior; of the mount as a correction."""
+    sign = -1.0 if MOUNT.start <= index < MOUNT.stop else 1.0
+    return PriorInflation(_NAMED[index], sign * status.prior_mean, status.prior_sigma, sign * status.alone)
+
+
+def _kept(statuses: Sequence[ParameterStatus]) -> KeptCalibration:
     """What the next flight starts with, and widens by what changes meanwhile; its heading error is another."""
-    delay, heading, z, late = (statuses[i] for i in (CAMERA_DELAY, HEADING, MOUNT.start + 2, POSITION_DELAY))
-    first, second, third = statuses[LEVER]
+    delay, heading, late = (statuses[i] for i in (CAMERA_DELAY, HEADING, POSITION_DELAY))
+    (x, y, z), (first, second, third) = statuses[MOUNT], statuses[LEVER]
     return KeptCalibration(
         time_offset_s=delay.estimate,
         time_offset_sigma_s=delay.sigma,

@@ -49,6 +49,7 @@ from fwav_companion.types import (
     Track,
     VehicleState,
 )
+from fwav_companion.types.flight_status import SolveReport
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
@@ -94,8 +95,8 @@ class SmoothedTracker(Tracker):
         "_sights",
         "_smoothing",
         "_solver",
+        "_solves",
         "_start",
-        "solves",
     )
 
     def __init__(
@@ -119,8 +120,7 @@ class SmoothedTracker(Tracker):
         self._answers: FrameAnswers | None = None
         self._sights: Sightings | None = None
         self._host_ns = HostNs(0)
-        self.solves = SolveCounts()
-        """Counts of the flight; a return to an earlier state does not change them."""
+        self._solves = SolveCounts()
 
     def _begin_smoothing(self) -> Smoothing:
         reference = self._ground()
@@ -132,6 +132,11 @@ class SmoothedTracker(Tracker):
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
         return None if self._consider else smoothed_report(self._smoothing.estimator, self._host_ns)
+
+    @property
+    def solves(self) -> SolveReport:
+        """Counts of the flight's solves; a return to an earlier state does not change them."""
+        return self._solves.report
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
@@ -186,11 +191,11 @@ class SmoothedTracker(Tracker):
             return
         estimate = pending.job.estimate()
         if estimate is None:
-            self.solves.miss(pending)
+            self._solves.miss(pending)
             return
         smoothing.estimator.adopt(estimate)
         smoothing.pending = None
-        self.solves.taken += 1
+        self._solves.taken += 1
 
     def _follow_receiver(self, view: FrameView) -> None:
         """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
+from fwav_companion.types.flight_status import SolveReport
+
 if TYPE_CHECKING:
     from fwav_companion.estimation.solve import Estimate, SolveTask
 
@@ -55,6 +57,11 @@ class SolveCounts(msgspec.Struct):
     late: int = 0
     """Solves that were not ready at their take-over and were taken over when they were."""
     _late_due_s: float = -1.0
+
+    @property
+    def report(self) -> SolveReport:
+        """For the status."""
+        return SolveReport(taken=self.taken, late=self.late)
 
     def miss(self, pending: PendingSolve) -> None:
         """Count a solve that is not ready, once."""
