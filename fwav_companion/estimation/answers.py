@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, NAMES, Array, SharedPriors
+from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, NAMES, PITCH, ROLL, Array, SharedPriors
 
 Status = Literal["calibrated", "waiting", "contradicts"]
 CONTRADICTION_SIGMAS = 4.0
@@ -87,6 +87,25 @@ def parameter_statuses(
         prior_mean = float(priors.mean[i])
         statuses.append(ParameterStatus(name, float(mean[i]), float(sigma[i]), prior_mean, prior_sigma, status, reason))
     return tuple(statuses)
+
+
+def camera_tilt(priors: SharedPriors, mean: Array, covariance: Array) -> tuple[ParameterStatus, ParameterStatus]:
+    """Status of mount and attitude together about the carrier's x and y axes; mean (n,), covariance (n, n)."""
+    found = []
+    for index, pair in enumerate(((MOUNT.start, ROLL), (MOUNT.start + 1, PITCH))):
+        rows = np.array(pair)
+        total, sigma = float(mean[rows].sum()), float(np.sqrt(covariance[np.ix_(rows, rows)].sum()))
+        prior = float(np.hypot(*priors.sigma[rows]))
+        known = sigma < CALIBRATED_SHARE * prior
+        reason = None if known else "a target seen from several sides"
+        name = ("mount_and_roll_rad", "mount_and_pitch_rad")[index]
+        prior_mean = float(priors.mean[rows].sum())
+        status: Status = "calibrated" if known else "waiting"
+        distance = abs(total - prior_mean) / prior
+        if distance > CONTRADICTION_SIGMAS:
+            status, reason = "contradicts", contradiction(distance)
+        found.append(ParameterStatus(name, total, sigma, prior_mean, prior, status, reason))
+    return found[0], found[1]
 
 
 def contradiction(sigmas: float) -> str:

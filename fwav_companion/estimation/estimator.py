@@ -10,12 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from fwav_companion.estimation.answers import (
-    CALIBRATED_SHARE,
-    CONTRADICTION_SIGMAS,
     ParameterStatus,
-    Status,
     TargetAnswer,
-    contradiction,
+    camera_tilt,
     parameter_statuses,
 )
 from fwav_companion.estimation.attitudes import Attitudes
@@ -24,14 +21,12 @@ from fwav_companion.estimation.errors import (
     CAMERA_DELAY,
     GIMBAL_SHARED,
     HEIGHT,
-    MOUNT,
-    PITCH,
-    ROLL,
     Array,
     Ints,
     SampleNoise,
     SharedPriors,
 )
+from fwav_companion.estimation.final_places import final_places
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
 from fwav_companion.estimation.kept_sightings import KEPT, Sightings, in_order, joined, thinned
@@ -43,6 +38,8 @@ from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
+from fwav_companion.estimation.whole_flight import WholeFlight
+from fwav_companion.types.tracks import FinalPlace
 
 # Gaps between solves by the time since the first one, both s: longer ones cost up to 15 % of some kinds' accuracy.
 _SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
@@ -65,15 +62,20 @@ class Estimator:
     def __init__(
         self, priors: SharedPriors, noise: SampleNoise, *, ground: GroundSurface | None = None,
         targets: Mapping[int, TargetPrior] | None = None, consider: bool = False, kept: int = KEPT,
+        whole_flight: WholeFlight | None = None,
     ) -> None:  # fmt: skip
-        """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration."""
+        """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration.
+
+        whole_flight: keeps sightings for `final_places`.
+        """
         self.targets = dict(targets or {})
         self.model = Model(priors, noise, ground or LevelGround(), self.targets, consider)
         self._path = VehiclePath(noise.position_m, noise.height_m)
         body = Attitudes(noise.attitude_rad, noise.attitude_stamp_delay_s)
         gimbal = Attitudes(noise.attitude_rad, 0.0) if len(priors) == GIMBAL_SHARED else None
         self.carrier = Carrier(body, self._path.samples, gimbal=gimbal)
-        self._budget = kept
+        self._budget, self._whole_flight = kept, whole_flight
+        self._renamed: dict[int, int] = {}
         self.kept: Sightings | None = None
         self._new: list[Sightings] = []
         self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
@@ -125,6 +127,8 @@ class Estimator:
             return
         self._new.append(s)
         self._replayed.append(s)
+        if self._whole_flight is not None:
+            self._whole_flight.add(s)
         self._update_live(s)
 
     def _update_live(self, s: Sightings) -> None:
@@ -150,11 +154,14 @@ class Estimator:
         other = copy.copy(self)
         other._new, other._replayed = list(self._new), self._replayed.copy()
         other.live = None if self.live is None else self.live.copy()
+        other._whole_flight = None if self._whole_flight is None else self._whole_flight.copy()
+        other._renamed = dict(self._renamed)
         other.moving = {k: copy.copy(moving) for k, moving in self.moving.items()}
         return other
 
     def rename(self, old: int, new: int) -> None:
         """Count the sightings of a target as those of another: they were found to be one."""
+        self._renamed[old] = new
         if self.kept is not None:
             self.kept = self.kept.with_targets(np.where(self.kept.target == old, new, self.kept.target))
         self._new = [s.with_targets(np.where(s.target == old, new, s.target)) for s in self._new]
@@ -229,6 +236,19 @@ class Estimator:
         """Solve in line and adopt at once."""
         self.adopt(self.start_solve(now).run())
 
+    def final_places(self) -> dict[int, FinalPlace]:
+        """Static targets by a solve over the sightings of the whole flight; none before the first solve."""
+        path = self.carrier.path
+        if self.live is None or self._whole_flight is None:
+            return {}
+        since = max(float(path.buffer.times[0]), self.carrier.oldest) + _ATTITUDE_MARGIN_S
+        s = self._whole_flight.sightings(self._renamed, since)
+        if s is None:
+            return {}
+        self._path.settle()
+        model, now = replace(self.model, targets=dict(self.targets)), max(float(s.t[-1]), self.estimate.t)
+        return final_places(SolveTask(now, model, self.carrier.copy(), s, self.estimate, False, False))
+
     def _height(self, now: float) -> float:
         """Camera above the ground below it, m, as far as known."""
         up = float(self.estimate.errors[-1, 2]) if len(self.estimate.errors) else 0.0
@@ -242,7 +262,8 @@ class Estimator:
             return
         self._next_prune = now + _PRUNE_S
         recent = np.arange(now - _PRUNED_AGE_S, now + 2 * _ATTITUDE_MARGIN_S, _ATTITUDE_MARGIN_S)
-        self.carrier.keep_near(np.sort(np.concatenate([s.t, recent])), _ATTITUDE_MARGIN_S)
+        used = [] if self._whole_flight is None else [self._whole_flight.times()]
+        self.carrier.keep_near(np.sort(np.concatenate([s.t, recent, *used])), _ATTITUDE_MARGIN_S)
 
     # Answers.
 
@@ -324,21 +345,7 @@ class Estimator:
         """
         priors, live = self.model.priors, self.live
         mean, covariance = (priors.mean, np.diag(priors.sigma**2)) if live is None else (live.mean, live.covariance)
-        found = []
-        for index, pair in enumerate(((MOUNT.start, ROLL), (MOUNT.start + 1, PITCH))):
-            rows = np.array(pair)
-            total, sigma = float(mean[rows].sum()), float(np.sqrt(covariance[np.ix_(rows, rows)].sum()))
-            prior = float(np.hypot(*priors.sigma[rows]))
-            known = sigma < CALIBRATED_SHARE * prior
-            reason = None if known else "a target seen from several sides"
-            name = ("mount_and_roll_rad", "mount_and_pitch_rad")[index]
-            prior_mean = float(priors.mean[rows].sum())
-            status: Status = "calibrated" if known else "waiting"
-            distance = abs(total - prior_mean) / prior
-            if distance > CONTRADICTION_SIGMAS:
-                status, reason = "contradicts", contradiction(distance)
-            found.append(ParameterStatus(name, total, sigma, prior_mean, prior, status, reason))
-        return found[0], found[1]
+        return camera_tilt(priors, mean, covariance)
 
     def stored(self) -> tuple[Array, Array]:
         """Means and sigmas (12,) for the next flight's priors, NaN before the first solve."""

@@ -146,6 +146,11 @@ class Carrier:
         """Instant up to which all streams have samples, s."""
         return min(self.path.newest, self.body.newest, self.attitudes.newest)
 
+    @property
+    def oldest(self) -> float:
+        """Instant from which the attitudes have samples, s."""
+        return max(self.body.oldest, self.attitudes.oldest)
+
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Delete attitudes and readings further than the margin from all instants (n,), ascending."""
         self.body.keep_near(instants, margin_s)

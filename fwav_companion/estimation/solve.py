@@ -15,6 +15,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
 from fwav_companion.estimation.smoother import expected_weights, iterate, likeliest_kernel, wide_weights
 from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKernel, at_times, place_knots
+from fwav_companion.estimation.whole_flight import even_knots
 
 _FIRST_ITERATIONS, _FIRST_FINE, _ITERATIONS = 3, 6, 2
 _ENOUGH = 0.5  # squared length of a step, in standard deviations, that ends the iterations
@@ -54,6 +55,7 @@ class SolveTask:
     last: Estimate
     search: bool
     compare_kernels: bool
+    whole_flight: bool = False  # all of the flight counts alike, not its end most
 
     def run(self) -> Estimate:
         """The whole solve in line."""
@@ -74,7 +76,7 @@ class SolveTask:
             if self._is_far(best):
                 kept = {k: v for k, v in start.targets.items() if k not in best.targets}
                 start = Estimate(self.t, best.shared, kept | best.targets, np.zeros(0), np.zeros((0, 3)), start.kernel)
-        knots = place_knots(self.kept.t, self.t, self.carrier.path.breaks)
+        knots = self._knots()
         problem = Problem(self.model, self.carrier, self.kept, knots)
         errors = at_times(knots, start.knots, start.errors)
         state = State(start.shared, problem.first_targets(start.shared, errors, start.targets), errors)
@@ -85,7 +87,7 @@ class SolveTask:
             )
         if self.compare_kernels:
             kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels, weigh)
-        most = _FIRST_FINE if first else _ITERATIONS
+        most = _FIRST_FINE if first or self.whole_flight else _ITERATIONS
         state, step, weighted = yield from iterate(problem, state, kernel, weigh, most=most, enough=_ENOUGH)
         order, few = _best_seen_first(problem), np.arange(problem.shared_size)
         rows = problem.shared_size + TARGET_SIZE * order[:, None] + np.arange(TARGET_SIZE)
@@ -102,6 +104,12 @@ class SolveTask:
             step.covariance[np.ix_(few, few)], problem.wanders(kernel), float(weighted.weight.mean()),
             dict(zip(ids, weights.tolist(), strict=True)), modes, self.search, problem.surveys(),
         )  # fmt: skip
+
+    def _knots(self) -> Array:
+        breaks = self.carrier.path.breaks
+        if self.whole_flight:
+            return even_knots(self.kept.t, self.t, [x for b in breaks for x in (b.before, b.after)])
+        return place_knots(self.kept.t, self.t, breaks)
 
     @property
     def kernels(self) -> tuple[WanderKernel, ...]:

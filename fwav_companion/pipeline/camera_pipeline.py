@@ -32,7 +32,7 @@ from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
 from fwav_companion.recording.lines import sighting_line
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
-from fwav_companion.tracking import Reorder, Settled
+from fwav_companion.tracking import Reorder, Settled, Tracker
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import (
@@ -48,7 +48,7 @@ from fwav_companion.types import (
     Track,
     Unpaired,
 )
-from fwav_companion.types.flight_status import LandmarkReport, SightReport, SolveReport
+from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Time by which the clock is advanced at the end of a flight: longer than every wait and window."""
@@ -198,12 +198,12 @@ class CameraPipeline:
     @property
     def calibration(self) -> CalibrationReport | None:
         """Present result of self-calibration; None where it is off."""
-        return self._reorder.tracker.calibration
+        return self.tracker.calibration
 
     @property
-    def solves(self) -> SolveReport | None:
-        """Counts of the smoother's solves; None where it does not estimate."""
-        return self._reorder.tracker.solves
+    def tracker(self) -> Tracker:
+        """The tracker of the present rooms."""
+        return self._reorder.tracker
 
     @property
     def crowd(self) -> Crowd:
@@ -245,7 +245,7 @@ class CameraPipeline:
             agreement=self._agreement.status(),
             readout=self.readout.status(),
             landmarks=self._landmark_reports(),
-            solves=self.solves,
+            solves=self.tracker.solves,
         )
 
     def _landmark_reports(self) -> list[LandmarkReport]:

@@ -12,6 +12,7 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.types import Frame, NoFrame, Reason
+from fwav_companion.types.tracks import FinalPlace
 
 
 class FrameHandlers:
@@ -75,6 +76,10 @@ class FrameHandlers:
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id."""
         return {} if self._components.camera is None else self._components.camera.best_targets
+
+    def final_places(self) -> dict[int, FinalPlace]:
+        """Targets by the whole flight, by id; empty without a smoother that keeps it."""
+        return {} if self._components.camera is None else self._components.camera.tracker.final_places()
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:

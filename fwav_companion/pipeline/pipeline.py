@@ -40,6 +40,7 @@ from fwav_companion.types import (
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
 from fwav_companion.types.track_marks import TrackMarks
+from fwav_companion.types.tracks import FinalPlace
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
@@ -244,6 +245,10 @@ class Pipeline:
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The targets of all live tracks, by id; studies read from them what limits the accuracy."""
         return self._frames.best_targets
+
+    def final_places(self) -> dict[int, FinalPlace]:
+        """Targets by the whole flight, by id; empty without a smoother that keeps it."""
+        return self._frames.final_places()
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""

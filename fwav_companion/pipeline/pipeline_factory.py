@@ -52,7 +52,7 @@ from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import Reorder, Tracker, make_tracker, smoothed_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.smoothed.solve_jobs import Solver
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
 WANTED = frozenset(
     {
@@ -84,7 +84,7 @@ def make_pipeline(
     attitudes_kept_s: float | None = None,
     clock_rate: float = 1.0,
     written: bool = True,
-    solver: Solver | None = None,
+    smoother: SmootherOptions | None = None,
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is the pipeline of a relay, which localizes nothing.
 
@@ -93,7 +93,7 @@ def make_pipeline(
     ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: time for
     which attitudes are kept, for callers that read them long afterwards; None: as long as flying needs them.
     ``clock_rate``: rate of the autopilot's clock from all arrivals of a recording. ``written``: false where the lines
-    are not used. ``solver``: the smoother estimates, and this computes its solves; None: it does not.
+    are not used. ``smoother``: the smoother estimates; None: it does not.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -111,7 +111,7 @@ def make_pipeline(
             kept=kept,
             own_filter=own_filter,
             sightings=sightings,
-            solver=solver,
+            smoother=smoother,
         )
     follows_clicks = live and config.vision is not None and config.vision.track_clicks
     spots = ClickedSpots(camera.look) if camera is not None and follows_clicks else None
@@ -170,7 +170,7 @@ def make_camera(
     kept: KeptCalibration | None = None,
     own_filter: Filter | None = None,
     sightings: bool = False,
-    solver: Solver | None = None,
+    smoother: SmootherOptions | None = None,
 ) -> CameraPipeline:
     """The pipeline of one camera. ``vehicle``: the vehicle's telemetry, or the poses of photographs."""
     make_parts = partial(
@@ -181,7 +181,7 @@ def make_camera(
         elevation=elevation,
         own_filter=own_filter,
         sightings=sightings,
-        solver=solver,
+        smoother=smoother,
     )
     return CameraPipeline(vehicle, make_parts, target_log, kept=kept, sightings=sightings)
 
@@ -195,12 +195,12 @@ def _camera_parts(
     elevation: Sequence[ElevationTile],
     own_filter: Filter | None,
     sightings: bool,
-    solver: Solver | None,
+    smoother: SmootherOptions | None,
 ) -> CameraParts:
     """The rooms of a camera's pipeline before the first frame."""
     landmarks = [landmark.known for landmark in config.landmark]
     ground = _ground(config, elevation)
-    tracker = _tracker(config, vehicle, kept, own_filter, ground=ground, solver=solver)
+    tracker = _tracker(config, vehicle, kept, own_filter, ground=ground, smoother=smoother)
     tracker.reports_innovations = sightings
     return CameraParts(
         make_pairer(config, calibration),
@@ -214,11 +214,11 @@ def _camera_parts(
 
 def _tracker(
     config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *,
-    ground: Ground, solver: Solver | None,
+    ground: Ground, smoother: SmootherOptions | None,
 ) -> Tracker:  # fmt: skip
     """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects.
 
-    ``ground``, ``solver``: of the smoother; without a solver the smoother does not estimate.
+    ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
     """
     priors = config.priors
     if own_filter is not None:
@@ -226,7 +226,7 @@ def _tracker(
         return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
     options = tracking_options(config)
     landmarks = [landmark.known for landmark in config.landmark]
-    if solver is not None and isinstance(vehicle, Telemetry) and options.filter == "kalman":
+    if smoother is not None and isinstance(vehicle, Telemetry) and options.filter == "kalman":
         mount = config.camera.mount
         heading_sigma = radians(mount.gimbal_yaw_bias_deg) if mount.gimbal_device_id else None
         return smoothed_tracker(
@@ -235,7 +235,7 @@ def _tracker(
             vehicle,
             kept,
             lever_m=mount.lever_arm_m,
-            solver=solver,
+            smoother=smoother,
             ground=ground.reference,
             gimbal_heading_sigma=heading_sigma,
             landmarks=landmarks,

@@ -42,8 +42,9 @@ class SecondLines:
         self._outputs.notify(camera.readout.notices(), at)
         if camera.crowd.labels:
             self._outputs.notify(self._crowds.notices(camera.crowd), at)
-        if camera.solves is not None:
-            self._outputs.notify(self._solves.notices(camera.solves), at)
+        solves = camera.tracker.solves
+        if solves is not None:
+            self._outputs.notify(self._solves.notices(solves), at)
         self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
         text = camera.shift_by_landmark()
         if text:

@@ -13,6 +13,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3, subtract, transform
 from fwav_companion.types import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
 from fwav_companion.types.flight_status import ParameterReport
+from fwav_companion.types.tracks import FinalPlace
 
 SCHEMA = 1
 Line = Mapping[str, Any]
@@ -91,6 +92,32 @@ def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -
         of = track.innovation
         line["innovation"] = {"north": of.north_m, "east": of.east_m, "distance2": of.nis}
     return line
+
+
+def final_places(places: Mapping[int, FinalPlace], ends: Mapping[int, Line], plane: TangentPlane | None) -> list[Line]:
+    """The summary's ``final``: targets by the whole flight, with label and height of their last line in flight."""
+    found: list[Line] = []
+    for number, final in sorted(places.items()):
+        end = ends.get(number)
+        if end is None:
+            continue
+        place = plane.geodetic_from_ned((final.north, final.east, end["down"])) if plane else None
+        (nn, ne), (_, ee) = final.cov
+        found.append(
+            {
+                "track": number,
+                "label": end["label"],
+                "north": final.north,
+                "east": final.east,
+                "down": end["down"],
+                "lat": place.lat_deg if place else None,
+                "lon": place.lon_deg if place else None,
+                "alt_amsl": place.alt_amsl_m if place else None,
+                "cov": ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, end["cov"][2][2])),
+                "sightings": final.sightings,
+            }
+        )
+    return found
 
 
 def _relative_object(track: Track) -> Line | None:

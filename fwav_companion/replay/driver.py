@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from heapq import merge
 from itertools import islice
 
@@ -16,15 +16,15 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
 from fwav_companion.recording.events import RecordingEnd, Refused
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.lines import Line, final_places
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.replay.telemetry import ATTITUDES
 from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.smoothed.solve_jobs import InLineJob
-from fwav_companion.types import Frame, Message, NoFrame, StampClock
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, SmootherOptions
+from fwav_companion.types import Frame, Message, NoFrame, StampClock, TrackState
 
 MARGIN_NS = 60 * NS_PER_S
 REBOOT_MS = 1000
@@ -67,20 +67,28 @@ def replay(
         own_filter=own_filter,
         sightings=sightings,
         clock_rate=recording.clock_rate,
-        solver=InLineJob if smooths else None,
+        smoother=SmootherOptions(InLineJob, whole_flight=True) if smooths else None,
     )
-    tally = ErrorTally(truth) if truth else None
+    tally, ends = ErrorTally(truth) if truth else None, dict[int, Line]()
     for _ in _drive(pipeline, recording, own_components(config)):
         if not pipeline.has_outputs:
             continue
         for line in pipeline.take().lines:
             if tally is not None:
                 tally.add(line)
+            if line["type"] == "target" and line["state"] == TrackState.CONFIRMED:
+                ends[line["track"]] = line
             if line["type"] == "summary":
                 errors = {} if tally is None else {"errors": tally.summary()}
-                yield {**line, **errors, **({"limits": _limits(pipeline, config)} if limits else {})}
+                final = {"final": _final(pipeline, ends)} if smooths else {}
+                yield {**line, **final, **errors, **({"limits": _limits(pipeline, config)} if limits else {})}
                 continue
             yield line
+
+
+def _final(pipeline: Pipeline, ends: Mapping[int, Line]) -> list[Line]:
+    """The targets by the whole flight. ``ends``: the last line of each confirmed track."""
+    return final_places(pipeline.final_places(), ends, pipeline.telemetry.world.plane)
 
 
 def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:

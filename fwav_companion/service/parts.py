@@ -23,6 +23,7 @@ from fwav_companion.service.network import make_node
 from fwav_companion.service.service_factory import make_recorder
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.timer import HostClock
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
 
 class ArrivalCount:
@@ -79,7 +80,7 @@ def make_parts(
         unit=board_name(),
         attitudes_kept_s=attitudes_kept_s,
         written=bool(config.record.directory),
-        solver=solver,
+        smoother=None if solver is None else SmootherOptions(solver),
     )
     signing = SigningStore(config, warn, wall_clock_is_synchronised)
     node = make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns))

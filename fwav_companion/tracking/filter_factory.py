@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.delayed_poses import StateAt
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
     from fwav_companion.tracking.smoothed.flight_samples import SampleSource
-    from fwav_companion.tracking.smoothed.solve_jobs import Solver
+    from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
 KEEP_STATIC_NS = 300 * NS_PER_S
 """Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
@@ -72,12 +72,12 @@ def smoothed_tracker(
     kept: KeptCalibration | None = None,
     *,
     lever_m: Vector3,
-    solver: Solver,
+    smoother: SmootherOptions,
     ground: Callable[[], GroundReference],
     gimbal_heading_sigma: float | None = None,
     landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
-    """The tracker by the smoother, for static and moving targets. It needs numpy. ``solver``: computes its solves.
+    """The tracker by the smoother, for static and moving targets. It needs numpy.
 
     ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
     Moving targets are not smoothed yet: a second tracker treats all as static and calibrates.
@@ -87,7 +87,7 @@ def smoothed_tracker(
     moving = options.motion == "moving"
     smoothed = SmoothedTracker(
         StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
-        consider=not options.self_calibration, solver=solver, patience_ns=PATIENCE_NS if moving else 0,
+        consider=not options.self_calibration, smoother=smoother, patience_ns=PATIENCE_NS if moving else 0,
         landmarks=landmarks, ground=ground, gimbal_heading_sigma=gimbal_heading_sigma,
     )  # fmt: skip
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed

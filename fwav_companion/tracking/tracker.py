@@ -22,6 +22,7 @@ from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack, detector_after, opened, teaches, with_shared_evidence
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState, VehicleState
 from fwav_companion.types.flight_status import SolveReport
+from fwav_companion.types.tracks import FinalPlace
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -82,6 +83,10 @@ class Tracker:
     def solves(self) -> SolveReport | None:
         """Counts of the smoother's solves; None without a smoother."""
         return None if self._calibrating is None else self._calibrating.solves
+
+    def final_places(self) -> dict[int, FinalPlace]:
+        """Targets by the whole flight, by id: only a smoother has them."""
+        return {}
 
     def best_targets(self) -> dict[int, TargetEstimate]:
         """The reported targets of all live tracks, by id."""

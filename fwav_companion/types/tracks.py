@@ -40,6 +40,18 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     """Normalised innovation squared (NIS), 2 dof, shared errors included: mean 2 where every covariance is right."""
 
 
+class FinalPlace(msgspec.Struct, frozen=True):
+    """A static target by the sightings of the whole flight."""
+
+    north: float
+    """NED, metres."""
+    east: float
+    cov: tuple[tuple[float, float], tuple[float, float]]
+    """Of north and east, by every source of error, m^2."""
+    sightings: int
+    """Number of sightings that were used."""
+
+
 class GateResult(msgspec.Struct, frozen=True, gc=False):
     """Gating statistics of a fix against a predicted track."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
@@ -33,7 +34,7 @@ from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, Sampl
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedChoice
-from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, PendingSolve, SolveCounts, Solver
+from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
 from fwav_companion.tracking.snapshot import Snapshot
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.tracking.tracker import Tracker
@@ -50,6 +51,7 @@ from fwav_companion.types import (
     VehicleState,
 )
 from fwav_companion.types.flight_status import SolveReport
+from fwav_companion.types.tracks import FinalPlace
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
@@ -93,26 +95,26 @@ class SmoothedTracker(Tracker):
         "_priors",
         "_samples",
         "_sights",
+        "_smoother",
         "_smoothing",
-        "_solver",
         "_solves",
         "_start",
     )
 
     def __init__(
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
-        kept: KeptCalibration | None = None, consider: bool = False, solver: Solver = InLineJob, patience_ns: int = 0,
-        landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
+        kept: KeptCalibration | None = None, consider: bool = False, smoother: SmootherOptions | None = None,
+        patience_ns: int = 0, landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
         gimbal_heading_sigma: float | None = None,
     ) -> None:  # fmt: skip
         """``consider``: no self-calibration; the priors of all parameters count in every covariance.
 
-        ``solver``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
+        ``smoother``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
         ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None: the
         camera is fixed to the body.
         """
         super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
-        self._priors, self._consider, self._solver = priors, consider, solver
+        self._priors, self._consider, self._smoother = priors, consider, smoother or SmootherOptions()
         self._start = shared_priors(priors, kept, gimbal_heading_sigma)
         self._known, self._ground = tuple(landmarks), ground
         self._samples = FlightSamples(source, lever_m, priors, has_gimbal=gimbal_heading_sigma is not None)
@@ -125,7 +127,10 @@ class SmoothedTracker(Tracker):
     def _begin_smoothing(self) -> Smoothing:
         reference = self._ground()
         noise = sample_noise(self._priors, None, STAMP_SIGMA_S, height_wander_m(reference, self._priors))
-        estimator = Estimator(self._start, noise, ground=surface_of(reference), consider=self._consider)
+        whole_flight = WholeFlight() if self._smoother.whole_flight else None
+        estimator = Estimator(
+            self._start, noise, ground=surface_of(reference), consider=self._consider, whole_flight=whole_flight
+        )
         return Smoothing(estimator, None, {}, SmoothedLandmarks(self._known), reference)
 
     @property
@@ -137,6 +142,10 @@ class SmoothedTracker(Tracker):
     def solves(self) -> SolveReport:
         """Counts of the flight's solves; a return to an earlier state does not change them."""
         return self._solves.report
+
+    def final_places(self) -> dict[int, FinalPlace]:
+        """Static targets by the whole flight, by track id."""
+        return self._smoothing.estimator.final_places()
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
@@ -249,7 +258,7 @@ class SmoothedTracker(Tracker):
         now = s_from_ns(view.boot_ns)
         if smoothing.pending is None and estimator.is_solve_due(now):
             task = estimator.start_solve(now)
-            smoothing.pending = PendingSolve(now + TAKE_OVER_S, self._solver(task))
+            smoothing.pending = PendingSolve(now + TAKE_OVER_S, self._smoother.solver(task))
 
     def _release(self, track: LiveTrack) -> None:
         """Hand over the detections of a track from before its confirmation, and the height of its target."""

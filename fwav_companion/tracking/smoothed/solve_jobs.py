@@ -41,6 +41,14 @@ class InLineJob:
         return self._estimate
 
 
+class SmootherOptions(msgspec.Struct, frozen=True):
+    """How the smoother is run."""
+
+    solver: Solver = InLineJob
+    whole_flight: bool = False
+    """Keep sightings for the answers by the whole flight."""
+
+
 class PendingSolve(msgspec.Struct, frozen=True):
     """A solve that was started and is not yet taken over."""
 
