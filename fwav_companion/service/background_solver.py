@@ -61,6 +61,8 @@ class BackgroundJob:
 class BackgroundSolver:
     """Computes one solve at a time in a daemon thread, which starts with the first one."""
 
+    job_type = BackgroundJob
+
     def __init__(self) -> None:
         self._waiting: deque[BackgroundJob] = deque(maxlen=1)
         self._current: BackgroundJob | None = None
@@ -70,7 +72,7 @@ class BackgroundSolver:
 
     def __call__(self, task: SlicedTask) -> BackgroundJob:
         """Start a solve. One that is under way is cancelled: nothing asks for it any more."""
-        job = BackgroundJob(task)
+        job = self.job_type(task)
         if self._current is not None:
             self._current.cancelled = True
         self._current = job

@@ -214,7 +214,13 @@ def free_port() -> int:
         return port
 
 
-def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: float | None = None) -> Work:
+RUN = ("-m", "fwav_companion", "run", "--config", "flight.toml")
+
+
+def watch(
+    *, camera: bool = True, calibrates: bool = False, ten_sent_after_s: float | None = None,
+    daemon_command: tuple[str, ...] = RUN,
+) -> Work:  # fmt: skip
     """One flight; with ``ten_sent_after_s``, ten targets whose frames are sent at this delay after the last row."""
     autopilot, detections = ("127.0.0.1", free_port()), ("127.0.0.1", free_port())
     with ExitStack() as stack:
@@ -230,7 +236,7 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: fl
             reported = CONFIGURATION.format(detections=detections[1], calibrates=str(calibrates).lower())
             text = text.replace('[detections]\nurl = ""\n', reported)
         (folder / "flight.toml").write_text(text)
-        daemon = stack.enter_context(child("-m", "fwav_companion", "run", "--config", "flight.toml", folder=folder))
+        daemon = stack.enter_context(child(*daemon_command, folder=folder))
         with suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, daemon.pid, NICE)
         url = f"udpout:127.0.0.1:{between.port(between.mock)}"

@@ -24,6 +24,7 @@ BENCHMARKS = (
     "calls",
     "startup",
     "daemon",
+    "solving",
     "detection",
     "tiles",
     "patch",

@@ -293,3 +293,49 @@ def test_targets_below_and_near_the_horizon_give_a_finite_claim(pitch_deg):
     where = ((0.0, 0.0),) if pitch_deg == 0 else ((70.0, 0.0),)
     flight = Flight(seconds=4.0, fps=5.0, shape="hover", pitch_deg=pitch_deg, targets=where)
     claims_are_sane(flown(Planted(flight), priors()), 0, 3.8)
+
+
+@pytest.mark.parametrize("consider", [False, True])
+def test_all_sightings_at_one_instant_give_a_claim_no_better_than_one_frames_shared_noise(consider):
+    planted, _, attitudes, positions = bare()
+    estimator = Estimator(priors(), SampleNoise(), consider=consider)
+    fed(estimator, attitudes, positions)
+    stamp, s = planted.frames()[20]
+    for k in range(30):
+        again = frame_of(100 + k, np.full(len(s), stamp), s.rays, s.tangents)
+        estimator.update(again.with_targets(s.target))
+    estimator.solve(stamp)
+    answer = claims_are_sane(estimator, int(s.target[0]), stamp)
+    assert np.sqrt(answer.relative_covariance[0, 0]) > 0.1  # mount, heading and height stay unknown
+    assert all(status.sigma > 0.0 for status in estimator.self_calibration())
+
+
+@pytest.mark.parametrize("consider", [False, True])
+def test_rays_that_point_up_or_backwards_give_no_claim_that_is_better_than_nothing(consider):
+    planted, _, attitudes, positions = bare()
+    estimator = Estimator(priors(), SampleNoise(), consider=consider)
+    fed(estimator, attitudes, positions)
+    frames = planted.frames()[:20]
+    for number, (stamp, s) in enumerate(frames):
+        behind = frame_of(number, np.full(len(s), stamp), -s.rays, -s.tangents)
+        estimator.update(behind.with_targets(s.target))
+    estimator.solve(frames[-1][0])
+    for target in np.unique(frames[0][1].target).tolist():
+        answer = claims_are_sane(estimator, target, frames[-1][0])
+        assert np.sqrt(np.linalg.eigvalsh(answer.covariance[:2, :2]).max()) > 0.5
+    statuses = estimator.self_calibration()
+    assert all(s.status == "waiting" and s.reason for s in statuses[1:4])
+
+
+def test_sightings_without_a_target_or_a_vehicle_call_for_no_solve():
+    planted, _, attitudes, positions = bare()
+    estimator = Estimator(priors(), SampleNoise())
+    stamp, s = planted.frames()[20]
+    estimator.update(s)
+    assert not estimator.is_solve_due(stamp)  # no telemetry
+    assert estimator.answer(0, stamp) is None
+    other = Estimator(priors(), SampleNoise())
+    fed(other, attitudes, positions)
+    other.update(s.with_targets(np.full(len(s), -1, np.int64)))
+    assert not other.is_solve_due(stamp)
+    assert other.final_places() == {}

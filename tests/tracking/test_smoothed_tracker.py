@@ -68,6 +68,19 @@ def test_replay_by_the_smoother_gives_the_same_lines_again(flight):
     assert list(replayed(plan, recording, "third")) == lines["third"]
 
 
+def test_summary_has_the_target_by_the_whole_flight_within_its_claim(flight):
+    plan, _, lines = flight
+    summary = lines["third"][-1]
+    live = [line for line in lines["third"] if line["type"] == "target" and line["state"] == "confirmed"][-1]
+    (final,) = summary["final"]
+    truth = Simulation(plan.options).world.place(Simulation(plan.options).scene[0].at(0.0))
+    off = np.array([final["lat"] - truth.lat, (final["lon"] - truth.lon) * np.cos(np.radians(truth.lat))]) * 111_194.0
+    assert off @ np.linalg.solve(np.array(final["cov"])[:2, :2], off) < 18.0
+    assert (final["track"], final["label"]) == (live["track"], live["label"])
+    assert (final["down"], final["cov"][2][2]) == (live["down"], live["cov"][2][2])
+    assert "final" not in lines["plain"][-1]
+
+
 def shifted_alike(displacements):
     """Targets in a row, each displaced; a shared error of 3 along the row, noise of 1; every detection with each."""
     count = len(displacements)

@@ -12,6 +12,7 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.recording.labels import landmark_result, notice_texts, shift_text
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.tools.report.final_section import FinalTarget, final_targets
 from fwav_companion.tools.report.series_builder import target_series
 from fwav_companion.tools.report.sighting_statistics import (
     budget95_m,
@@ -139,6 +140,8 @@ class FlightData(msgspec.Struct, frozen=True, kw_only=True):
     """Name of that other variant; empty: this replay."""
     planted: PlantedErrors | None
     landmarks: list[LandmarkSeries] = []
+    final: list[FinalTarget] = []
+    """Targets by the whole flight; empty where they were estimated live alone."""
 
     @property
     def has_truth(self) -> bool:
@@ -181,6 +184,7 @@ def flight_data(
     used = [line for line in sightings if line["reason"] is None]
     errors = {} if true_path is None else position_errors(lines, true_path)
     calibration, calibrated_by = _calibration([ReplayedLines("", variant.kind, lines), *others], start)
+    targets = target_series(lines, others=others, truth=truth, plane=plane, start_unix=start, position_errors=errors)
     return FlightData(
         title=title,
         start_unix=start,
@@ -188,7 +192,7 @@ def flight_data(
         version=header["version"],
         origin=origin,
         has_altitude=place is not None and place["alt_amsl"] is not None,
-        targets=target_series(lines, others=others, truth=truth, plane=plane, start_unix=start, position_errors=errors),
+        targets=targets,
         variant=variant,
         path=estimated_path(used) if true_path is None else [[(n, e) for n, e, _ in true_path.positions_ned]],
         path_is_true=true_path is not None,
@@ -209,6 +213,7 @@ def flight_data(
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
+        final=final_targets(lines, targets),
         landmarks=_landmarks(header["config"].get("landmark", ()), summary, plane),
     )
 

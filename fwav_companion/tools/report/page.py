@@ -11,6 +11,7 @@ from fwav_companion.tools.report.calibration_section import calibration_section
 from fwav_companion.tools.report.clock_section import timing_section
 from fwav_companion.tools.report.error_budget import budget_figure, budget_section, not_used_section
 from fwav_companion.tools.report.error_section import error_section
+from fwav_companion.tools.report.final_section import final_section
 from fwav_companion.tools.report.flight_data import FlightData
 from fwav_companion.tools.report.map_section import map_section
 from fwav_companion.tools.report.page_elements import document
@@ -33,6 +34,7 @@ def page(flight: FlightData, more: Iterable[str] = (), second: SecondFlight | No
         summary_section(flight, second.result if second else None),
         map_section(flight, budget),
         f'<div class="chapter">{"".join(second.sections)}</div>' if second else "",
+        final_section(flight.final),
         variants_section(flight),
         calibration_section(flight),
         error_section(flight),
