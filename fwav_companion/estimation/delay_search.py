@@ -72,7 +72,7 @@ def search_delay(
         near = any(abs(mode.shared[CAMERA_DELAY] - m.shared[CAMERA_DELAY]) <= _NEAR_S for m in modes)
         if mode.cost < _NEAR_COST and not near:
             modes.append(mode)
-    return modes
+    return modes or [starts[len(starts) // 2].mode(0.0)]  # no finite cost: the prior's mean
 
 
 def _promising(costs: Array) -> list[int]:

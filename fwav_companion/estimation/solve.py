@@ -43,6 +43,11 @@ class Estimate:
     searched: bool = False
     surveys: Mapping[int, float] = field(default_factory=dict)  # robust weight of each landmark's survey
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all values are numbers."""
+        return all(bool(np.isfinite(a).all()) for a in (self.shared, self.errors, self.mean, self.covariance))
+
 
 @dataclass(frozen=True)
 class SolveTask:

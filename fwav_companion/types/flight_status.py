@@ -215,7 +215,7 @@ class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     """Solves of the smoother; None where it does not estimate."""
 
 
-class ParameterReport(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class ParameterReport(msgspec.Struct, frozen=True, kw_only=True):
     """One of the errors that all sightings of a flight share."""
 
     name: str
@@ -238,6 +238,8 @@ class SolveReport(msgspec.Struct, frozen=True, kw_only=True):
     """Solves that were taken over."""
     late: int = 0
     """Solves that were not ready at their take-over: the board is overloaded."""
+    failed: int = 0
+    """Solves without a finite estimate: the former one stays."""
 
 
 class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -3,6 +3,7 @@
 import threading
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fwav_companion.replay import driver
@@ -89,3 +90,20 @@ def test_solves_that_never_end_leave_the_answers_of_the_filters(flight, monkeypa
     assert (counts.taken, counts.late) == (0, 1)
     confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
     assert len(confirmed) > 50
+
+
+@pytest.mark.parametrize("failure", ["singular", "not finite"])
+def test_solve_that_fails_is_counted_and_leaves_the_answers_of_the_filters(flight, monkeypatch, failure):
+    class Failing(InLineJob):
+        __slots__ = ()
+
+        def estimate(self):
+            if failure == "singular":
+                raise np.linalg.LinAlgError("Singular matrix")
+            return replace(super().estimate(), mean=np.full(3, np.nan))
+
+    lines, counts = lines_by(flight, Failing, monkeypatch)
+    assert counts.taken == 0
+    assert counts.failed >= 2
+    assert lines[-1]["final"] == []
+    assert [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]

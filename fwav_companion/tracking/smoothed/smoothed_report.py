@@ -72,7 +72,9 @@ def _status(
     if estimator.estimate.weight < REFUSED_WEIGHT and missing[0].status == "waiting":
         reason = REFUSES
     # A delay beyond its prior is known as well: it is what the configuration must say.
-    return (CalibrationStatus.TIME if statuses[CAMERA_DELAY].is_known else CalibrationStatus.WAITING), reason
+    delay = statuses[CAMERA_DELAY]
+    known = delay.status == "calibrated" or delay.is_known
+    return (CalibrationStatus.TIME if known else CalibrationStatus.WAITING), reason
 
 
 def _inflation(index: int, status: ParameterStatus) -> PriorInflation:

@@ -16,6 +16,8 @@ import numpy as np
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.solve import Estimate
+from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
@@ -55,11 +57,16 @@ from fwav_companion.types.tracks import FinalPlace
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
-and longer than a solve takes on a small board."""
+and longer than a solve takes on a small board (40 to 120 M instructions at 500 M a second)."""
+SEARCH_TAKE_OVER_S = 1.5
+"""The same for a solve with a search of the delay (350 M instructions with one target, 800 M with ten). Until the first
+one the answers are those of the targets' own filters, which consider the priors."""
 MOST_WAITING = 64
 """Detections of a tentative track that are kept for the smoother."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
+
+NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
 
 
 @dataclass
@@ -194,16 +201,22 @@ class SmoothedTracker(Tracker):
             smoothing.reference = reference
             smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
     def _take_over(self, t: float) -> None:
-        """Take over a solve that is due; one that is late is counted, and taken over at the first frame after it."""
+        """Take over a solve that is due. One that is late is counted, and taken over at the first frame after it."""
         smoothing, pending = self._smoothing, self._smoothing.pending
         if pending is None or t < pending.due_s:
             return
-        estimate = pending.job.estimate()
+        try:
+            estimate = pending.job.estimate()
+        except np.linalg.LinAlgError:  # what no solve can be made of leaves the former estimate
+            estimate = NO_ESTIMATE
         if estimate is None:
             self._solves.miss(pending)
             return
-        smoothing.estimator.adopt(estimate)
         smoothing.pending = None
+        if not estimate.is_finite:
+            self._solves.failed += 1
+            return
+        smoothing.estimator.adopt(estimate)
         self._solves.taken += 1
 
     def _follow_receiver(self, view: FrameView) -> None:
@@ -258,7 +271,8 @@ class SmoothedTracker(Tracker):
         now = s_from_ns(view.boot_ns)
         if smoothing.pending is None and estimator.is_solve_due(now):
             task = estimator.start_solve(now)
-            smoothing.pending = PendingSolve(now + TAKE_OVER_S, self._smoother.solver(task))
+            due_s = now + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
+            smoothing.pending = PendingSolve(due_s, self._smoother.solver(task))
 
     def _release(self, track: LiveTrack) -> None:
         """Hand over the detections of a track from before its confirmation, and the height of its target."""

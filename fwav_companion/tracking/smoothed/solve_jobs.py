@@ -64,12 +64,14 @@ class SolveCounts(msgspec.Struct):
     """Estimates that were taken over."""
     late: int = 0
     """Solves that were not ready at their take-over and were taken over when they were."""
+    failed: int = 0
+    """Solves without a finite estimate: the former one stays."""
     _late_due_s: float = -1.0
 
     @property
     def report(self) -> SolveReport:
         """For the status."""
-        return SolveReport(taken=self.taken, late=self.late)
+        return SolveReport(taken=self.taken, late=self.late, failed=self.failed)
 
     def miss(self, pending: PendingSolve) -> None:
         """Count a solve that is not ready, once."""
