@@ -90,11 +90,14 @@ def test_places_by_the_whole_flight_are_within_their_claims_and_use_early_sighti
     planted = Planted(flight, np.array([0.035, 0.02, -0.01, 0.015, 0.03, 0, 0, 0.3, 0, 0, 0, 0, 0]))
     estimator = Estimator(priors(), SampleNoise(attitude_rad=planted.attitude_noise), whole_flight=WholeFlight())
     attitudes, positions = planted.telemetry()
-    for sample in attitudes:
-        estimator.add_attitude(*sample)
-    for sample in positions:
-        estimator.add_position(*sample)
-    for t, s in planted.frames():
+    events = [(t + 0.05, 0, sample) for sample in attitudes for t in sample[:1]]
+    events += [(t + 0.05, 1, sample) for sample in positions for t in sample[:1]]
+    events += [(t + 0.25, 2, (t, s)) for t, s in planted.frames()]
+    for _, kind, value in sorted(events, key=lambda event: event[:2]):
+        if kind < 2:
+            (estimator.add_attitude, estimator.add_position)[kind](*value)
+            continue
+        t, s = value
         estimator.update(s if t < 6.0 else s.select(s.target == 0))
         if estimator.is_solve_due(float(t)):
             estimator.solve(float(t))
