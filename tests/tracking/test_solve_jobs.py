@@ -72,7 +72,7 @@ def test_solves_in_a_thread_give_the_same_lines_as_in_line(flight, monkeypatch):
     threaded, _ = lines_by(flight, lambda task: WaitedJob(solver(task)), monkeypatch)
     solver.close(PATIENCE_S)
     assert threaded == in_line
-    assert counts.taken > 3
+    assert counts.taken >= 3  # two of them with a search, taken over later
     assert counts.late == 0
 
 
