@@ -39,8 +39,9 @@ def variance_shares(live: LiveFilter | None, target: int) -> dict[str, float]:
     """
     if live is None or (target not in live.at and target not in live.other):
         return {}
-    _, own = live.place(target)
-    cross, error = live.cross(target), live.error
+    _, owns, crosses = live.places()
+    index_of_target = list(live.targets).index(target)
+    own, cross, error = owns[index_of_target], crosses[index_of_target], live.error
     causes = {cause: [i for i in index if i < live.size] for cause, index in CAUSES.items()}
     causes |= {"position": [error, error + 1], "height": [HEIGHT, error + 2]}
     shares = {

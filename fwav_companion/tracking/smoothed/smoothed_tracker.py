@@ -200,6 +200,7 @@ class SmoothedTracker(Tracker):
         if reference != smoothing.reference:
             smoothing.reference = reference
             smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
+
     def _take_over(self, t: float) -> None:
         """Take over a solve that is due. One that is late is counted, and taken over at the first frame after it."""
         smoothing, pending = self._smoothing, self._smoothing.pending
