@@ -172,7 +172,7 @@ class TerrainGround:
             return GroundReference(HeightReference.TERRAIN_REPORT)
         if self._plane is None:
             return GroundReference(HeightReference.ALTITUDE)
-        surface = TerrainSurface(self._model, self._plane, self._raised_m)
+        surface = ElevationSurface(self._model, self._plane, self._raised_m)
         return GroundReference(HeightReference.ALTITUDE, surface=surface)
 
     def _meet_model(
@@ -228,7 +228,7 @@ class TerrainGround:
         return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "terrain", surveyed=True)
 
 
-class TerrainSurface(msgspec.Struct, frozen=True):
+class ElevationSurface(msgspec.Struct, frozen=True):
     """An elevation model about the world's origin: a snapshot that later shifts do not change."""
 
     model: ElevationModel

@@ -19,7 +19,7 @@ from fwav_companion.types.camera import (
     StampClock,
 )
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
-from fwav_companion.types.ground_reference import GroundReference, HeightReference, Surface
+from fwav_companion.types.ground_reference import GroundReference, HeightReference, SurfaceShape
 from fwav_companion.types.landmarks import Landmark, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.reasons import Reason
@@ -104,7 +104,7 @@ __all__ = [
     "Situation",
     "StampClock",
     "StandingTarget",
-    "Surface",
+    "SurfaceShape",
     "TakeOff",
     "TakeOffSource",
     "Track",

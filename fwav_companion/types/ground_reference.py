@@ -21,7 +21,7 @@ class HeightReference(StrEnum):
     """The autopilot's height above terrain."""
 
 
-class Surface(Protocol):
+class SurfaceShape(Protocol):
     """An elevation model about the world's origin."""
 
     def at(self, north_m: float, east_m: float) -> tuple[float, float, float] | None:
@@ -34,5 +34,5 @@ class GroundReference(msgspec.Struct, frozen=True):
     height: HeightReference
     level_m: float = 0.0
     """Level of flat ground above the origin, metres; with CONSTANT the height of the camera above the ground."""
-    surface: Surface | None = None
+    surface: SurfaceShape | None = None
     """The ground's shape; None: flat."""

@@ -21,8 +21,8 @@ def live():
     sensitivity[0, CAMERA_DELAY], sensitivity[1, HEIGHT], sensitivity[0, E] = 5.0, 0.7, 1.0
     own = np.diag([0.01, 0.04, 0.25]) + sensitivity @ covariance @ sensitivity.T
     return SimpleNamespace(
-        at={4: 0}, other={}, size=BODY_SHARED, error=E, covariance=covariance,
-        place=lambda target: (np.zeros(3), own), cross=lambda target: sensitivity @ covariance,
+        at={4: 0}, other={}, targets=np.array([4]), size=BODY_SHARED, error=E, covariance=covariance,
+        places=lambda: (np.zeros((1, 3)), own[None], (sensitivity @ covariance)[None]),
     )  # fmt: skip
 
 
@@ -36,8 +36,9 @@ def test_share_is_the_variance_that_is_lost_when_the_cause_is_known(live):
 
 
 def test_no_share_exceeds_the_targets_variance(live):
-    live.cross = lambda target: 100.0 * np.ones((3, E + 3))
-    assert max(variance_shares(live, 4).values()) <= np.trace(live.place(4)[1][:2, :2])
+    _, (own,), _ = live.places()
+    live.places = lambda: (np.zeros((1, 3)), own[None], 100.0 * np.ones((1, 3, E + 3)))
+    assert max(variance_shares(live, 4).values()) <= np.trace(own[:2, :2])
 
 
 def test_target_that_is_not_held_has_no_shares(live):

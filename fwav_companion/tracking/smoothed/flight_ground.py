@@ -11,7 +11,7 @@ import numpy as np
 
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.ground import GroundSurface, LevelGround
-from fwav_companion.types import Bias, ErrorPriors, GroundFix, GroundReference, HeightReference, Surface
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, GroundReference, HeightReference, SurfaceShape
 
 ReferenceNow: TypeAlias = Callable[[], GroundReference]
 """The ground model at present: home and an elevation model are moved in flight."""
@@ -31,7 +31,7 @@ def level_at_home() -> GroundReference:
 class MappedGround:
     """An elevation model; outside of it flat ground at the origin's altitude."""
 
-    surface: Surface
+    surface: SurfaceShape
 
     def height(self, place: Array) -> tuple[Array, Array]:
         """Heights (T,) m at places (2, T), and slopes (2, T)."""
