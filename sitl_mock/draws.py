@@ -31,6 +31,10 @@ class DrawnBiases:
     readout_s: float
     position_delay_s: float
     lever_arm_m: Vector
+    gimbal_yaw_deg: float
+    gimbal_third_deg: float
+    """Error of a gimbal's attitude about its third axis; the others are those of roll and pitch."""
+    gimbal_delay_s: float
 
 
 def draw(options: Options) -> DrawnBiases:
@@ -56,6 +60,9 @@ def draw(options: Options) -> DrawnBiases:
         _readout(options),
         one("position_delay", biases.position_delay_s, priors.position_delay_sigma_s),
         lever,  # type: ignore[arg-type]
+        one("gimbal_yaw", biases.gimbal_yaw_deg, priors.gimbal_yaw_bias_deg),
+        one("gimbal_third", None, priors.attitude_bias_deg),
+        one("gimbal_delay", biases.gimbal_delay_s, priors.gimbal_delay_sigma_s),
     )
 
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from math import cos, nan, pi, radians, sin
+from math import cos, degrees, nan, pi, radians, sin
 from random import Random
 from typing import Any
 
-from sitl_mock.draws import DrawnBiases
+from sitl_mock.draws import DrawnBiases, radians3
 from sitl_mock.flight import Flight
 from sitl_mock.options import Options
-from sitl_mock.rotation import Matrix, Vector, matrix_from_euler, quaternion_from_euler
+from sitl_mock.rotation import (
+    Matrix,
+    Vector,
+    euler_from_matrix,
+    matrix_from_euler,
+    matrix_from_rotation_vector,
+    quaternion_from_euler,
+    times,
+    transposed,
+)
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 BEHIND_AUTOPILOT = 6
@@ -18,13 +27,16 @@ SWING_HZ = 0.15
 ROLL_LOCK_AND_PITCH_LOCK, YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 12, 16, 32, 64
 FLAGS = {
     "north": YAW_IN_EARTH_FRAME,
+    "north_and_delta": YAW_IN_EARTH_FRAME,
     "vehicle": YAW_IN_VEHICLE_FRAME,
     "vehicle_and_delta": YAW_IN_VEHICLE_FRAME,
+    "both_frames": YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME,
     "old_lock": YAW_LOCK,
     "old_follow": 0,
 }
 """Yaw flags of the message by ``gimbal.yaw``; the old styles have neither frame flag, and their delta_yaw has no
 meaning."""
+FROM_NORTH = ("north", "north_and_delta", "old_lock")
 
 
 class Gimbal:
@@ -44,30 +56,46 @@ class Gimbal:
 
     def fields(self, flight_s: float, stamp_ms: int) -> dict[str, Any]:
         """Fields of the message: with the gimbal's own errors, and the heading's error where yaw counts from north."""
-        pitch, yaw = self._angles(flight_s)
-        heading = self._flight.euler(flight_s)[2] + radians(self._biases.heading_deg)
-        if self._o.yaw in ("north", "old_lock"):
+        of_s = flight_s - self._o.late_s - self._biases.gimbal_delay_s
+        roll, pitch, yaw = self._reported(of_s)
+        heading = self._heading(of_s)
+        if self._o.yaw in FROM_NORTH:
             yaw += heading
-        euler: Vector = (
-            radians(self._biases.attitude_roll_deg) + self._fresh(),
-            pitch + radians(self._biases.attitude_pitch_deg) + self._fresh(),
-            yaw + self._fresh(),
-        )
-        delta_yaw = {"vehicle_and_delta": heading, "vehicle": nan, "north": nan}.get(self._o.yaw, 1.0)
+        if self._o.message == "MOUNT_ORIENTATION":
+            angles = {"roll": degrees(roll), "pitch": degrees(pitch), "yaw": degrees(yaw)}
+            return {"time_boot_ms": stamp_ms % 2**32, **angles, "yaw_absolute": nan}
+        told = {"vehicle_and_delta": heading, "north_and_delta": heading, "vehicle": nan, "north": nan}
         return {
             "target_system": 0,
             "target_component": 0,
             "time_boot_ms": stamp_ms % 2**32,
             "flags": ROLL_LOCK_AND_PITCH_LOCK | FLAGS[self._o.yaw],
-            "q": list(quaternion_from_euler(*euler)),
+            "q": list(quaternion_from_euler(roll, pitch, yaw)),
             "angular_velocity_x": nan,
             "angular_velocity_y": nan,
             "angular_velocity_z": nan,
             "failure_flags": 0,
-            "delta_yaw": delta_yaw,
+            "delta_yaw": told.get(self._o.yaw, 1.0),
             "delta_yaw_velocity": nan,
             "gimbal_device_id": self._o.device_id if self._o.device_id <= BEHIND_AUTOPILOT else 0,
         }
+
+    def _heading(self, t: float) -> float:
+        """The gimbal's idea of the vehicle's heading, radians."""
+        return self._flight.euler(t)[2] + radians(self._biases.heading_deg + self._o.yaw_zero_deg)
+
+    def _reported(self, t: float) -> Vector:
+        """Roll, pitch, and yaw from the vehicle, radians, with the gimbal's errors."""
+        b = self._biases
+        noise: Vector = (self._fresh(), self._fresh(), self._fresh())
+        yaw_error = matrix_from_euler(0.0, 0.0, radians(b.gimbal_yaw_deg))
+        if self._o.kind == "servo":  # the servos know nothing of the horizon: the error is the autopilot's own
+            body = matrix_from_euler(*self._flight.euler(t))
+            turned = times(transposed(body), self.ned_from_gimbal(t))
+        else:
+            tilt = radians3((b.attitude_roll_deg, b.attitude_pitch_deg, b.gimbal_third_deg))
+            turned = times(matrix_from_euler(0.0, *self._angles(t)), matrix_from_rotation_vector(tilt))
+        return euler_from_matrix(times(yaw_error, times(turned, matrix_from_rotation_vector(noise))))
 
     def _angles(self, t: float) -> tuple[float, float]:
         """Pitch, and yaw from the vehicle's heading, radians."""

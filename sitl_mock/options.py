@@ -43,6 +43,8 @@ class Priors:
     time_offset_sigma_s: float = 0.01
     position_delay_sigma_s: float = 0.05
     lever_arm_sigma_m: float = 0.03
+    gimbal_yaw_bias_deg: float = 3.0
+    gimbal_delay_sigma_s: float = 0.05
     velocity_noise_m_s: float = 0.05
 
 
@@ -68,6 +70,10 @@ class Biases:
     """Age of a position at its stamp, in addition to autopilot.position_delay_s."""
     lever_arm_m: Triple | None = None
     """True camera position in the body minus camera.position_m."""
+    gimbal_yaw_deg: float | None = None
+    """Error of the gimbal's yaw encoder, or of its compass."""
+    gimbal_delay_s: float | None = None
+    """Age of a gimbal's attitude at its stamp, in addition to gimbal.late_s."""
     readout_s: float | None = None
     """True readout time; None: camera.readout_s, and where that is None too, uniform over [0, frame interval], at most
     75 ms."""
@@ -186,8 +192,22 @@ class GimbalOptions:
     """gimbal_device_id. 0: no gimbal. Up to 6: the autopilot sends its messages; else it is its own MAVLink
     component."""
     rate_hz: Positive = 5.0
-    yaw: Literal["north", "vehicle", "vehicle_and_delta", "old_lock", "old_follow"] = "north"
+    kind: Literal["stabilised", "servo"] = "stabilised"
+    """``stabilised``: reports roll and pitch from the horizon. ``servo``: a mount that holds the camera level by two
+    servos, reports their angles from the body, and claims in its flags that they count from the horizon."""
+    message: Literal["GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION"] = "GIMBAL_DEVICE_ATTITUDE_STATUS"
+    yaw: Literal[
+        "north", "north_and_delta", "vehicle", "vehicle_and_delta", "both_frames", "old_lock", "old_follow"
+    ] = "north"
     """Reference of the yaw in the message, and its flags."""
+    yaw_zero_deg: float = 0.0
+    """Direction from which the gimbal counts as if it were north: of its power-on, or of its own compass."""
+    late_s: float = 0.0
+    """Age of an attitude at its stamp."""
+    resets_at_s: float = 0.0
+    """Time at which the gimbal boots again; 0: never."""
+    second_id: int = 0
+    """Component of a second gimbal, which carries nothing and looks elsewhere; 0: none."""
     pitch_deg: float = -60.0
     yaw_deg: float = 15.0
     """Yaw from the vehicle's heading."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, hypot, sin, sqrt
+from math import asin, atan2, cos, hypot, sin, sqrt
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -34,6 +34,11 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
+
+
+def euler_from_matrix(m: Matrix) -> Vector:
+    """Roll, pitch, yaw, radians, of Rz(yaw) Ry(pitch) Rx(roll)."""
+    return (atan2(m[2][1], m[2][2]), asin(max(-1.0, min(1.0, -m[2][0]))), atan2(m[1][0], m[0][0]))
 
 
 def matrix_from_rotation_vector(v: Vector) -> Matrix:

@@ -12,7 +12,6 @@ from sitl_mock.belief import Belief
 from sitl_mock.clock import BootClock
 from sitl_mock.earth import Place
 from sitl_mock.gimbal import BEHIND_AUTOPILOT
-from sitl_mock.gimbal import MESSAGE as GIMBAL
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector, quaternion_from_euler
 from sitl_mock.standing import autopilot_version, heartbeat, sys_status
@@ -55,7 +54,7 @@ class Telemetry:
         if self._a.firmware == "px4":
             self._makers["ALTITUDE"] = self._altitude
         if 0 < options.gimbal.device_id <= BEHIND_AUTOPILOT:
-            self._makers[GIMBAL] = self._gimbal_attitude
+            self._makers[options.gimbal.message] = self._gimbal_attitude
         if self._a.streams:
             self._makers |= {name: partial(self._for_stations, maker) for name, maker in STATION_MESSAGES.items()}
         if not self._a.has_quaternion:

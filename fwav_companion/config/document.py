@@ -156,6 +156,7 @@ class Config(Document, frozen=True, kw_only=True):
             surveyed=self.ground.model == "terrain",
             standing=bool(self.target),
             stream=self._has_mapped_stream,
+            gimbal_yaw_deg=self.camera.mount.gimbal_yaw_bias_deg if self.camera.mount.gimbal_device_id else None,
         )
 
     @property

@@ -25,6 +25,11 @@ most common rate. The pairer replaces it by the median interval of the frames.""
 
 STREAM_LATENCY_SIGMA_S = 0.1
 """One sigma of a stream's constant latency, seconds. Stamps cannot show it: encoders and cameras add 0 to 0.3 s."""
+GIMBAL_DELAY_SIGMA_S = 0.05
+"""One sigma of the age of a gimbal's attitude at its stamp, seconds: gimbals on serial lines report what they measured
+0 to 0.1 s ago."""
+LEAST_TILT_SIGMA = 1e-6
+"""Least sigma of a gimbal's roll and pitch, radians: the error of a doubtful message is expressed in units of it."""
 MODEL_SIGMA_M, LEAST_MODEL_SIGMA_M = 4.0, 0.01
 """One sigma of an elevation model, and the least that is used, metres. Global models differ from one another by 2.4 to
 4.5 +- 3 to 4 m on three pairs of tiles."""
@@ -119,21 +124,36 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Largest age of an attitude at its stamp, uniformly distributed, seconds; ``auto``: from the autopilot's loop."""
 
     def priors(
-        self, *, readout_known: bool, surveyed: bool, standing: bool = False, stream: bool = False
+        self,
+        *,
+        readout_known: bool,
+        surveyed: bool,
+        standing: bool = False,
+        stream: bool = False,
+        gimbal_yaw_deg: float | None = None,
     ) -> ErrorPriors:
         """The error priors in radians, metres and seconds, the biases in the order of :class:`Bias`.
 
         ``surveyed``: the ground is an elevation model. ``standing``: some labels have a height.
-        ``stream``: pictures come as a stream.
+        ``stream``: pictures come as a stream. ``gimbal_yaw_deg``: one sigma of a gimbal's own heading; None without a
+        gimbal. A gimbal's heading error and its delay act as those of the vehicle and of the camera, and are added to
+        them. Its attitude error is a small rotation about its three axes: the third is added to the mount's, because
+        where the camera looks straight down the first is the heading.
         """
+        on_gimbal = gimbal_yaw_deg is not None
+        tilt = radians(self.attitude_bias_deg)
         sigmas = {
-            Bias.ROLL: radians(self.attitude_bias_deg),
-            Bias.PITCH: radians(self.attitude_bias_deg),
-            Bias.HEADING: radians(self.heading_bias_deg),
+            Bias.ROLL: max(tilt, LEAST_TILT_SIGMA) if on_gimbal else tilt,
+            Bias.PITCH: max(tilt, LEAST_TILT_SIGMA) if on_gimbal else tilt,
+            Bias.HEADING: hypot(radians(self.heading_bias_deg), radians(gimbal_yaw_deg or 0.0)),
             Bias.MOUNT_X: radians(self.mount_bias_deg),
             Bias.MOUNT_Y: radians(self.mount_bias_deg),
-            Bias.MOUNT_Z: radians(self.mount_bias_deg),
-            Bias.TIME_OFFSET: hypot(self.time_offset_sigma_s, STREAM_LATENCY_SIGMA_S if stream else 0.0),
+            Bias.MOUNT_Z: hypot(radians(self.mount_bias_deg), tilt if on_gimbal else 0.0),
+            Bias.TIME_OFFSET: hypot(
+                self.time_offset_sigma_s,
+                STREAM_LATENCY_SIGMA_S if stream else 0.0,
+                GIMBAL_DELAY_SIGMA_S if on_gimbal else 0.0,
+            ),
             Bias.READOUT: 0.0 if readout_known else READOUT_SIGMA_UNKNOWN_S,
             Bias.HEIGHT: self.height_bias_m,
             Bias.POSITION_NORTH: self.position_sigma_m,

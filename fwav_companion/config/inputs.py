@@ -123,9 +123,12 @@ class MountConfig(msgspec.Struct, frozen=True, kw_only=True):
     its MAVLink component (154); 0: the camera is fixed to the body. On a gimbal the angles count from the gimbal's own
     axes, all 0 for a camera that looks where the gimbal does; attitude and mount in [uncertainty] are the gimbal's."""
     gimbal_yaw_bias_deg: Annotated[float, Meta(ge=0, le=180)] = 3.0
-    """One sigma of a gimbal's own heading, degrees."""
+    """One sigma of a gimbal's own heading: of its yaw zero on the vehicle, or of its compass, degrees."""
+    levelled: Literal["auto"] | bool = "auto"
+    """Whether a gimbal's reported roll and pitch count from the horizon; ``auto``: by its flags, checked by the motion;
+    false: they count from the body."""
     gimbal_delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """Age of a gimbal's attitude at its stamp, seconds; with self-calibration the rest is estimated, sigma 0.05."""
+    """Age of a gimbal's attitude at its stamp, seconds; the rest is estimated with self-calibration, sigma 0.05."""
 
     @property
     def angles(self) -> Vector3:

@@ -57,6 +57,7 @@ def telemetry_options(config: Config, attitudes_kept_s: float | None, clock_rate
         position_bias_by_receiver=config.uncertainty.position_bias_m == "auto",
         attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
         gimbal_device_id=config.camera.mount.gimbal_device_id,
+        gimbal_levelled=config.camera.mount.levelled,
         gimbal_delay_s=config.camera.mount.gimbal_delay_s,
         clock_rate=clock_rate,
     )

@@ -1,8 +1,8 @@
-"""The gimbal's attitude in NED from the quaternion and the flags of GIMBAL_DEVICE_ATTITUDE_STATUS.
+"""Reading of a gimbal's quaternion by the flags of its message, and the headings that its yaw may count from.
 
-The quaternion is levelled to the horizon: its roll and pitch count from the earth, so the vehicle's roll and pitch must
-not be applied again. Its yaw counts from north or from the vehicle's heading, by the flags. Source: MAVLink common.xml,
-message 285, and the page of the gimbal protocol.
+Source: MAVLink common.xml, message 285, and the page of the gimbal protocol. The quaternion's yaw counts from the
+vehicle's heading or from north. Roll and pitch count from the horizon where the gimbal locks them; a gimbal that locks
+neither, and some autopilots' servo mounts in spite of their flags, report angles from the body.
 """
 
 from __future__ import annotations
@@ -15,38 +15,54 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, transform
 
 
 class GimbalFlags(IntFlag):
-    """The flags of GIMBAL_DEVICE_FLAGS that define the zero of yaw."""
+    """The flags of GIMBAL_DEVICE_FLAGS that define the zeros of the angles."""
 
+    ROLL_LOCK = 4
+    PITCH_LOCK = 8
     YAW_LOCK = 16
     YAW_IN_VEHICLE_FRAME = 32
     YAW_IN_EARTH_FRAME = 64
 
 
-def ned_from_gimbal(q: Quaternion, flags: int, ned_from_body: Matrix3, delta_yaw: float) -> Quaternion | None:
-    """The gimbal's attitude in NED; None where the flags contradict each other or the quaternion is not a rotation.
+FRAMES = GimbalFlags.YAW_IN_VEHICLE_FRAME | GimbalFlags.YAW_IN_EARTH_FRAME
+LOCKS = GimbalFlags.ROLL_LOCK | GimbalFlags.PITCH_LOCK
 
-    ``q``: quaternion as sent, (w, x, y, z). ``ned_from_body``: attitude of the vehicle at that instant, of which only
-    the heading is used. ``delta_yaw``: field of the message, yaw of the vehicle frame from north, radians; not finite
-    where the gimbal does not know it. It must be ignored where neither frame flag is set.
+
+def has_both_frames(flags: int) -> bool:
+    """Whether the flags contradict each other: yaw cannot count from the vehicle's heading and from north."""
+    return flags & FRAMES == FRAMES
+
+
+def reported_attitude(q: Quaternion, flags: int, delta_yaw: float) -> tuple[Quaternion, bool] | None:
+    """The reported attitude, and whether its yaw counts from north (else from the vehicle's heading).
+
+    None where the flags contradict each other or the quaternion is not a rotation. ``delta_yaw``: field of the message,
+    the gimbal's idea of the vehicle's heading, radians. A gimbal may count it from its own power-on direction or
+    compass: so it only takes an attitude in the earth's frame back into the vehicle's, where the same error is in both,
+    and never turns one in the vehicle's frame.
     """
-    if not all(map(isfinite, q)) or not any(q):
+    if not all(map(isfinite, q)) or not any(q) or has_both_frames(flags):
         return None
-    flags &= GimbalFlags.YAW_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME | GimbalFlags.YAW_IN_EARTH_FRAME
-    in_vehicle, in_earth = bool(flags & GimbalFlags.YAW_IN_VEHICLE_FRAME), bool(flags & GimbalFlags.YAW_IN_EARTH_FRAME)
-    if in_vehicle and in_earth:
-        return None
-    if in_earth or (not in_vehicle and flags & GimbalFlags.YAW_LOCK):
-        return normalized(q)
-    if in_vehicle and isfinite(delta_yaw) and delta_yaw != 0.0:  # a sender without the field sends 0
-        return normalized(multiply((cos(0.5 * delta_yaw), 0.0, 0.0, sin(0.5 * delta_yaw)), q))
-    return normalized(multiply(heading_only(ned_from_body), q))
+    heading = gimbals_heading(flags, delta_yaw)
+    if flags & GimbalFlags.YAW_IN_EARTH_FRAME and heading is not None:
+        return normalized(multiply((cos(0.5 * heading), 0.0, 0.0, -sin(0.5 * heading)), q)), False
+    # Older devices set neither frame: they count from north while they hold the yaw.
+    locked_alone = not flags & FRAMES and bool(flags & GimbalFlags.YAW_LOCK)
+    return normalized(q), bool(flags & GimbalFlags.YAW_IN_EARTH_FRAME) or locked_alone
 
 
-def counts_from_north(flags: int, delta_yaw: float) -> bool:
-    """Whether the message alone defines the gimbal's yaw from north; else the vehicle's heading is needed."""
-    if flags & GimbalFlags.YAW_IN_VEHICLE_FRAME:
-        return isfinite(delta_yaw) and delta_yaw != 0.0
-    return bool(flags & (GimbalFlags.YAW_IN_EARTH_FRAME | GimbalFlags.YAW_LOCK))
+def gimbals_heading(flags: int, delta_yaw: float) -> float | None:
+    """The gimbal's own idea of the vehicle's heading, radians; None where the message does not contain it.
+
+    An older sender's message ends before the field, which is then read as exactly 0. Without a frame flag it must be
+    ignored.
+    """
+    return delta_yaw if flags & FRAMES and isfinite(delta_yaw) and delta_yaw != 0.0 else None
+
+
+def is_locked(flags: int) -> bool:
+    """Whether the flags say that roll and pitch are held to the horizon, and so count from it."""
+    return flags & LOCKS == LOCKS
 
 
 def heading_only(ned_from_body: Matrix3) -> Quaternion:

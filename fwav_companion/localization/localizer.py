@@ -29,7 +29,7 @@ from fwav_companion.localization.ground_shape import (
 )
 from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
 from fwav_companion.localization.terrain_ground import TerrainGround
-from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
+from fwav_companion.types import Bias, ErrorPriors, GimbalAt, GroundFix, NoFix, Reason, Sighting, TakeOff, VehicleState
 
 LARGEST_STRETCH = 0.15
 """Largest one sigma of the relative error of the ray's length by all angle errors; beyond it a fix is refused as too
@@ -108,13 +108,14 @@ class Localizer:
         state = sighting.state
         by_home = meeting.ground == "home"  # the other grounds are not known by the vehicle's height above home
         height_bias_m = state.height_bias_m if by_home else None
-        variances = self._variances(state.position_bias_m, height_bias_m)
+        tilt = self._tilt_sigma(state)
+        variances = self._variances(state.position_bias_m, height_bias_m, tilt)
         errors = ErrorModel(propagation, noise, variances, meeting)
         return GroundFix(
             sighting=sighting,
             position_ned=_point(meeting, direction),
             noise_cov=errors.noise_cov,
-            bias_jacobian=self._by_sensor(state.position_bias_m, height_bias_m, propagation.biases),
+            bias_jacobian=self._by_sensor(state.position_bias_m, height_bias_m, tilt, propagation.biases),
             errors=errors,
             ground=meeting.ground,
             level_sigma_m=errors.level_sigma_m,
@@ -161,27 +162,35 @@ class Localizer:
         return min(MOST_REACH, hypot(stretch, (1.0 - descent**2) * level))
 
     def _by_sensor(
-        self, position_m: float | None, height_m: float | None, columns: tuple[Vector3, ...]
+        self, position_m: float | None, height_m: float | None, tilt: float | None, columns: tuple[Vector3, ...]
     ) -> tuple[Vector3, ...]:
-        """The columns of the biases; those of the position and of the height are scaled by the sensor's own sigma over
-        the prior's.
+        """The columns of the biases; those of the position, of the height and of roll and pitch are scaled by the
+        sensor's own sigma over the prior's.
         """
         scaled: list[Vector3] | None = None
-        for sigma_m, biases in (
+        for sigma, biases in (
             (position_m, (Bias.POSITION_NORTH, Bias.POSITION_EAST)),
             (height_m, (Bias.HEIGHT,)),
+            (tilt, (Bias.ROLL, Bias.PITCH)),
         ):
-            prior_m = self._priors.sigma(biases[0])
-            if sigma_m is None or sigma_m == prior_m or prior_m == 0.0:
+            prior = self._priors.sigma(biases[0])
+            if sigma is None or sigma == prior or prior == 0.0:
                 continue
             scaled = scaled or list(columns)
             for bias in biases:
-                scaled[bias] = scale(columns[bias], sigma_m / prior_m)
+                scaled[bias] = scale(columns[bias], sigma / prior)
         return columns if scaled is None else tuple(scaled)
 
-    def _variances(self, position_m: float | None, height_m: float | None) -> BiasVariances:
-        """The variances of the biases, those of the position and of the height by the sensor's own sigma if known."""
+    def _tilt_sigma(self, state: VehicleState) -> float | None:
+        """One sigma of roll and pitch where the gimbal's message adds to the configured one; else None."""
+        further = state.gimbal.tilt_sigma if isinstance(state.gimbal, GimbalAt) else 0.0
+        return hypot(self._priors.sigma(Bias.ROLL), further) if further else None
+
+    def _variances(self, position_m: float | None, height_m: float | None, tilt: float | None) -> BiasVariances:
+        """The variances of the biases, those of position, height, roll and pitch by the sensor's own sigma if known."""
         variances = self._bias
+        if tilt is not None and self._priors.sigma(Bias.ROLL):
+            variances = msgspec.structs.replace(variances, roll=tilt * tilt, pitch=tilt * tilt)
         if position_m is not None:
             variances = msgspec.structs.replace(variances, north=position_m * position_m, east=position_m * position_m)
         if height_m is not None and self._priors.sigma(Bias.HEIGHT):

@@ -16,6 +16,7 @@ from fwav_companion.telemetry import (
     AttitudeSource,
     ClockRate,
     ClockSlipped,
+    GimbalHeadingDiffers,
     GimbalUnused,
     HomeMoved,
     OriginSet,
@@ -50,9 +51,8 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
             return (Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True),)
         case AttitudeSource(message, before):
             return (Notice(NoticeCode.ATTITUDE_SOURCE, Severity.INFO, f"attitude from {message}, no longer {before}"),)
-        case GimbalUnused(device_id):
-            text = f"a gimbal is heard: if it carries the camera, set gimbal_device_id = {device_id}"
-            return (Notice(NoticeCode.GIMBAL_UNUSED, Severity.WARNING, text, to_ground=True),)
+        case GimbalUnused() | GimbalHeadingDiffers():
+            return (_of_the_gimbal(event),)
         case PitchTrimUndone(deg):
             text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
             return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)
@@ -67,6 +67,16 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case _:
             return ()
+
+
+def _of_the_gimbal(event: GimbalUnused | GimbalHeadingDiffers) -> Notice:
+    match event:
+        case GimbalUnused(device_id):
+            text = f"a gimbal is heard: if it carries the camera, set gimbal_device_id = {device_id}"
+            return Notice(NoticeCode.GIMBAL_UNUSED, Severity.WARNING, text, to_ground=True)
+        case GimbalHeadingDiffers(deg):
+            text = f"the gimbal's heading of the vehicle is {deg:+.0f} deg off the autopilot's, which is used"
+            return Notice(NoticeCode.GIMBAL_HEADING, Severity.NOTICE, text, to_ground=True)
 
 
 def _of_the_clock(event: ClockSlipped | ClockRate) -> Notice:

@@ -92,7 +92,7 @@ class Pipeline:
             self._handlers.of_parameters()
         autopilot = components.identity.autopilot
         if autopilot and message.system == autopilot.system and message.name in GIMBAL_MESSAGES:
-            events = components.telemetry.on_gimbal(message, autopilot.component, now)
+            events = components.telemetry.on_gimbal(message, autopilot.component, now, autopilot.kind)
             if components.camera is not None:  # a relay has no camera that a gimbal could carry
                 self._handlers.of_telemetry(events, now)
             self._frames.take_ready(now)

@@ -70,6 +70,22 @@ NO_FIX = {
         NoticeCode.NOT_READY_NO_GIMBAL,
         "the gimbal's attitude is too old: check its link and message rate",
     ),
+    Reason.GIMBAL_GAP: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "the gimbal moves too fast between its messages: have it report more often",
+    ),
+    Reason.GIMBAL_HORIZON: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "gimbal: angles from the horizon or from the body? Move, or set [camera.mount] levelled",
+    ),
+    Reason.GIMBAL_FLAGS: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "the gimbal's flags contradict each other: both yaw frames are set",
+    ),
+    Reason.GIMBAL_SETPOINT: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "the gimbal reports setpoints only: it must send GIMBAL_DEVICE_ATTITUDE_STATUS",
+    ),
 }
 """Reasons that prevent a fix at every pixel, with the code and text of the notice.
 

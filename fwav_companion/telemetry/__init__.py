@@ -11,6 +11,7 @@ from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 from fwav_companion.telemetry.events import (
     AttitudeSource,
     ClockContradicted,
+    GimbalHeadingDiffers,
     GimbalUnused,
     HomeMoved,
     OriginSet,
@@ -22,7 +23,7 @@ from fwav_companion.telemetry.events import (
     TakeOffFound,
     TelemetryEvent,
 )
-from fwav_companion.telemetry.gimbal import GIMBAL_MESSAGES
+from fwav_companion.telemetry.gimbal_reading import GIMBAL_MESSAGES
 from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.world import World
@@ -34,6 +35,7 @@ __all__ = [
     "ClockContradicted",
     "ClockRate",
     "ClockSlipped",
+    "GimbalHeadingDiffers",
     "GimbalUnused",
     "HomeMoved",
     "OriginSet",

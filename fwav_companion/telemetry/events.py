@@ -74,6 +74,13 @@ class GimbalUnused(msgspec.Struct, frozen=True):
     """The gimbal_device_id with which it would be used."""
 
 
+class GimbalHeadingDiffers(msgspec.Struct, frozen=True):
+    """The gimbal's idea of the vehicle's heading is not the autopilot's, which is used."""
+
+    deg: float
+    """Gimbal's less the autopilot's, degrees."""
+
+
 class PitchTrimUndone(msgspec.Struct, frozen=True):
     """The pitch trim that ATTITUDE lacks is added from now on; attitudes without it are deleted."""
 
@@ -106,6 +113,7 @@ TelemetryEvent: TypeAlias = (
     | AttitudeSource
     | StampDelay
     | GimbalUnused
+    | GimbalHeadingDiffers
     | PitchTrimUndone
     | PositionJumped
 )

@@ -16,8 +16,8 @@ from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Sk
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.clock.clock_news import ClockSlipped
 from fwav_companion.telemetry.events import ClockContradicted, GimbalUnused, Rebooted, TelemetryEvent
-from fwav_companion.telemetry.gimbal import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.gimbal import Gimbal
+from fwav_companion.telemetry.gimbal_reading import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.intake import Intake
 from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.telemetry.rate_meter import RateMeter
@@ -25,6 +25,7 @@ from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
 from fwav_companion.types import (
     AttitudeSample,
+    AutopilotKind,
     ClockExchange,
     Message,
     RangeSample,
@@ -61,6 +62,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     alone."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
+    gimbal_levelled: Literal["auto"] | bool = "auto"
+    """Whether a gimbal's roll and pitch count from the horizon; ``auto``: by its flags and its motion."""
     gimbal_delay_s: float = 0.0
     """Age of a gimbal's attitude at its stamp, seconds."""
 
@@ -83,8 +86,11 @@ class Telemetry:
         self._timeline = BootTimeline()
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
         device_id = options.gimbal_device_id
-        delay_ns = ns_from_s(options.gimbal_delay_s)
-        self._gimbal = Gimbal(device_id, options.clock_rate, delay_ns=delay_ns) if device_id else None
+        self._gimbal = None
+        if device_id:
+            self._gimbal = Gimbal(
+                device_id, options.clock_rate, levelled=options.gimbal_levelled, delay_s=options.gimbal_delay_s
+            )
         bias = PositionBias() if options.position_bias_by_receiver else None
         self._kept = VehicleHistory(
             self.clock,
@@ -138,17 +144,26 @@ class Telemetry:
                 events += (ClockContradicted(),)
         return events + handler(message.fields, arrival_ns)
 
-    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Take a message of any component of the vehicle; it is used if it is from the gimbal."""
+    def on_gimbal(
+        self,
+        message: Message,
+        autopilot_component: int,
+        arrival_ns: HostNs,
+        kind: AutopilotKind = AutopilotKind.OTHER,
+    ) -> tuple[TelemetryEvent, ...]:
+        """Take a message of any component of the vehicle; it is used if it is from the gimbal. ``kind``: the
+        autopilot.
+        """
         if self._gimbal is None:
             return self._on_unused_gimbal(message, autopilot_component)
-        if self._gimbal.is_meant(message, autopilot_component):
-            self._meter.count(message.name, arrival_ns)
-            if message.name == GIMBAL_MESSAGE:
-                self._gimbal.on_message(message.fields, arrival_ns)
-            else:
-                self._gimbal.on_older_message(message, self.clock, arrival_ns)
-        return ()
+        if not self._gimbal.is_meant(message, autopilot_component):
+            return ()
+        self._meter.count(message.name, arrival_ns)
+        if message.name == GIMBAL_MESSAGE:
+            self._gimbal.on_message(message.fields, arrival_ns)
+        else:
+            self._gimbal.on_older_message(message, self.clock, arrival_ns, kind)
+        return self._gimbal.compare(self._kept.attitudes.at, self.clock)
 
     def _on_unused_gimbal(self, message: Message, autopilot_component: int) -> tuple[TelemetryEvent, ...]:
         """Report, once, a gimbal that is received while none is configured."""

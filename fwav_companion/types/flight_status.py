@@ -80,6 +80,12 @@ class GimbalReport(msgspec.Struct, frozen=True, kw_only=True):
     """Age of the newest attitude, seconds."""
     yaw_from: str | None = None
     """Direction from which yaw counts: ``north`` or ``the vehicle's heading``."""
+    levelled: bool | None = None
+    """Whether roll and pitch count from the horizon; None while it is not known."""
+    refused_as: str | None = None
+    """A :class:`~fwav_companion.types.Reason`: why every attitude is refused; None where one was taken."""
+    heading_off_deg: float | None = None
+    """Gimbal's idea of the vehicle's heading less the autopilot's, where it was reported, degrees."""
     interpolation_sigma: float = 0.0
     """One sigma of the attitude between two samples, rad."""
     refused: int = 0

@@ -140,6 +140,9 @@ class NoticeCode(StrEnum):
     """The first global position was received: the local frame has its origin."""
     GIMBAL_UNUSED = "gimbal_unused"
     """A gimbal is heard, and the camera is configured as fixed."""
+    GIMBAL_HEADING = "gimbal_heading"
+    """The gimbal's own heading of the vehicle differs from the autopilot's by more than 10 deg: the autopilot's is
+    used. Calibrate the gimbal's compass, or set its yaw zero."""
     RELATIVE_WORLD = "relative_world"
     """No global position came within 10 s: targets are relative to the point below the camera."""
     HOME_MOVED = "home_moved"

@@ -58,6 +58,17 @@ class Reason(StrEnum):
     """No attitude of the gimbal was received, or none close to the capture."""
     STALE_GIMBAL = "stale_gimbal"
     """The newest attitude of the gimbal is too old to be extrapolated by its rates."""
+    GIMBAL_GAP = "gimbal_gap"
+    """The gimbal moves too fast between its messages: its attitude is uncertain by more than 6 degrees, one sigma. A
+    higher rate of its messages mends it."""
+    GIMBAL_HORIZON = "gimbal_horizon"
+    """Roll and pitch of the gimbal count from the horizon or from the body, which are more than 6 degrees apart, and no
+    motion has shown which. [camera.mount] levelled says it."""
+    GIMBAL_FLAGS = "gimbal_flags"
+    """The gimbal's flags say that its yaw counts from the vehicle's heading and from north: it cannot be both."""
+    GIMBAL_SETPOINT = "gimbal_setpoint"
+    """PX4's MOUNT_ORIENTATION has what the gimbal is commanded, not where it looks. Have the gimbal send
+    GIMBAL_DEVICE_ATTITUDE_STATUS."""
     NO_POSITION = "no_position"
     """A position is expected, and none was received close to the capture."""
     NO_POSE = "no_pose"

@@ -145,6 +145,8 @@ class GimbalAt(msgspec.Struct, frozen=True, gc=False):
     """One sigma about each axis due to interpolation, extrapolation and the gimbal's clock, radians."""
     gap_s: float
     """Time to the nearest attitude sample of the gimbal, seconds, >= 0."""
+    tilt_sigma: float = 0.0
+    """One sigma of a slow error of roll and pitch in addition to the configured one, radians."""
 
 
 class ReportedGimbal(msgspec.Struct, frozen=True, gc=False):

@@ -1,4 +1,4 @@
-"""A gimbal's attitude, by scipy: levelled already, and its yaw counts from where the flags say."""
+"""A gimbal's message, by scipy: where its yaw counts from, and which part the gimbal's own heading has in it."""
 
 from math import nan, radians
 
@@ -6,53 +6,76 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.geometry.gimbal import ned_from_gimbal
+from fwav_companion.geometry.gimbal import (
+    gimbals_heading,
+    has_both_frames,
+    heading_only,
+    is_locked,
+    reported_attitude,
+)
 from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion_from_euler
 
 LOCK, VEHICLE, EARTH = 16, 32, 64
 HEADING = 70.0
-BODY = matrix_from_quaternion(quaternion_from_euler(radians(20.0), radians(-15.0), radians(HEADING)))
 LEVEL_LOOK = quaternion_from_euler(radians(2.0), radians(-40.0), radians(25.0))
 
 
-def expected(yaw_offset_deg: float) -> np.ndarray:
+def turned_about_down(deg: float) -> np.ndarray:
     return (
-        Rotation.from_euler("Z", yaw_offset_deg, degrees=True)
-        * Rotation.from_euler("ZYX", [25.0, -40.0, 2.0], degrees=True)
+        Rotation.from_euler("Z", deg, degrees=True) * Rotation.from_euler("ZYX", [25.0, -40.0, 2.0], degrees=True)
     ).as_matrix()
 
 
 @pytest.mark.parametrize(
-    ("flags", "delta_yaw_deg", "offset_deg"),
+    ("flags", "delta_yaw_deg", "turned_deg", "from_north"),
     [
-        (EARTH, nan, 0.0),
-        (EARTH | LOCK, 50.0, 0.0),
-        (VEHICLE, nan, HEADING),
-        (VEHICLE, 0.0, HEADING),
-        (VEHICLE, 66.0, 66.0),
-        (VEHICLE | LOCK, 66.0, 66.0),
-        (0, 66.0, HEADING),  # an old sender: delta_yaw means nothing
-        (LOCK, 66.0, 0.0),
-        (1 | 2 | 4 | 8 | VEHICLE, nan, HEADING),  # other flags have no part in it
+        (EARTH, nan, 0.0, True),
+        (EARTH, 0.0, 0.0, True),  # an older sender's cut-off field
+        (EARTH, 66.0, -66.0, False),
+        (EARTH | LOCK, 50.0, -50.0, False),
+        (VEHICLE, nan, 0.0, False),
+        (VEHICLE, 66.0, 0.0, False),
+        (VEHICLE | LOCK, 66.0, 0.0, False),  # what ArduPilot sends: the lock is what the gimbal holds
+        (0, 66.0, 0.0, False),  # an old sender: delta_yaw means nothing
+        (LOCK, 66.0, 0.0, True),
+        (1 | 2 | 4 | 8 | VEHICLE, nan, 0.0, False),  # other flags have no part in it
     ],
 )
-def test_yaw_counts_from_where_the_flags_say(flags, delta_yaw_deg, offset_deg):
-    q = ned_from_gimbal(LEVEL_LOOK, flags, BODY, radians(delta_yaw_deg))
-    assert np.array(matrix_from_quaternion(q)) == pytest.approx(expected(offset_deg), abs=1e-12)
+def test_yaw_counts_from_where_the_flags_say(flags, delta_yaw_deg, turned_deg, from_north):
+    q, counts_from_north = reported_attitude(LEVEL_LOOK, flags, radians(delta_yaw_deg))
+    assert np.array(matrix_from_quaternion(q)) == pytest.approx(turned_about_down(turned_deg), abs=1e-12)
+    assert counts_from_north is from_north
 
 
-def test_the_vehicles_roll_and_pitch_are_not_counted_twice():
-    level = matrix_from_quaternion(quaternion_from_euler(0.0, 0.0, radians(HEADING)))
-    assert ned_from_gimbal(LEVEL_LOOK, VEHICLE, BODY, nan) == pytest.approx(
-        ned_from_gimbal(LEVEL_LOOK, VEHICLE, level, nan), abs=1e-12
-    )
+@pytest.mark.parametrize("power_on_deg", [0.0, 5.0, 70.0, -160.0])
+def test_the_zero_of_a_gimbals_heading_cancels_in_the_vehicles_frame(power_on_deg):
+    """The gimbal counts its attitude and the vehicle's heading from the same wrong direction."""
+    own_heading = HEADING + power_on_deg
+    sent = quaternion_from_euler(radians(2.0), radians(-40.0), radians(25.0 + own_heading))
+    q, _ = reported_attitude(sent, EARTH, radians(own_heading))
+    assert np.array(matrix_from_quaternion(q)) == pytest.approx(turned_about_down(0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("flags", "delta_yaw", "heading"),
+    [(VEHICLE, 1.2, 1.2), (EARTH, 1.2, 1.2), (LOCK, 1.2, None), (0, 1.2, None), (EARTH, nan, None), (EARTH, 0.0, None)],
+)
+def test_the_gimbals_heading_is_read_only_where_the_message_has_it(flags, delta_yaw, heading):
+    assert gimbals_heading(flags, delta_yaw) == heading
+
+
+@pytest.mark.parametrize(
+    ("flags", "locked"), [(4 | 8, True), (4, False), (8, False), (16, False), (12 | 16 | 32, True)]
+)
+def test_the_horizon_needs_both_locks(flags, locked):
+    assert is_locked(flags) is locked
 
 
 @pytest.mark.parametrize("pitch_deg", [90.0, -90.0])
 def test_a_nose_straight_up_or_down_still_has_a_heading(pitch_deg):
     upright = matrix_from_quaternion(quaternion_from_euler(0.0, radians(pitch_deg), radians(HEADING)))
-    q = ned_from_gimbal(LEVEL_LOOK, VEHICLE, upright, nan)
-    assert np.array(matrix_from_quaternion(q)) == pytest.approx(expected(HEADING), abs=1e-6)
+    expected = Rotation.from_euler("Z", HEADING, degrees=True).as_matrix()
+    assert np.array(matrix_from_quaternion(heading_only(upright))) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -60,4 +83,9 @@ def test_a_nose_straight_up_or_down_still_has_a_heading(pitch_deg):
     [(LEVEL_LOOK, VEHICLE | EARTH), ((nan,) * 4, EARTH), ((0.0,) * 4, EARTH), ((1.0, nan, 0.0, 0.0), VEHICLE)],
 )
 def test_what_contradicts_itself_or_is_no_rotation_has_no_attitude(q, flags):
-    assert ned_from_gimbal(q, flags, BODY, 0.0) is None
+    assert reported_attitude(q, flags, 0.0) is None
+
+
+def test_only_both_frame_flags_together_contradict():
+    assert has_both_frames(VEHICLE | EARTH)
+    assert not any(has_both_frames(flags) for flags in (0, LOCK, VEHICLE | LOCK, EARTH | LOCK))

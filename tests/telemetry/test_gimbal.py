@@ -12,10 +12,10 @@ from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
-from fwav_companion.types import GimbalAt, Message, Reason
+from fwav_companion.types import AutopilotKind, GimbalAt, Message, Reason
 
 Fields = namedtuple("Fields", "time_boot_ms flags q delta_yaw gimbal_device_id")
-EARTH = 64
+EARTH, LOCKS = 64, 12
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 LEVEL = AttitudeAt(NO_TURN, (0.0, 0.0, 0.0), 0.0, 0.0)
 BOOT_S, GIMBAL_S = 30.0, 700.0
@@ -153,7 +153,7 @@ def test_what_holds_no_attitude_is_counted_and_changes_nothing(broken):
 
 def test_the_vehicles_heading_turns_a_gimbal_that_follows_it_but_not_one_that_counts_from_north():
     turned = AttitudeAt(quaternion(Rotation.from_euler("ZYX", [70, -15, 20], degrees=True)), (0.1, 0.2, 0.3), 0.0, 0.0)
-    follows, north = fed(flags=32), fed()
+    follows, north = fed(flags=32 | LOCKS), fed()
     assert asked(north, 4.1, turned).ned_from_gimbal == asked(north, 4.1).ned_from_gimbal
     w, x, y, z = asked(follows, 4.1, turned).ned_from_gimbal
     level = asked(north, 4.1).ned_from_gimbal
@@ -165,11 +165,11 @@ def test_a_flood_is_kept_within_bounds_and_a_restart_begins_again():
     gimbal = Gimbal(154)
     for k in range(3000):
         gimbal.on_message(fields(0.005 * k, NO_TURN), HostNs(round(5e6 * k)))
-    assert len(gimbal._looks) <= 512
+    assert len(gimbal._series.looks) <= 512
     for k in range(4):
         restarted = Fields(k * 200, EARTH, NO_TURN, nan, 0)
         gimbal.on_message(restarted, HostNs(round((16.0 + 0.2 * k) * 1e9)))
-    assert len(gimbal._looks) <= 2
+    assert len(gimbal._series.looks) <= 2
 
 
 @pytest.mark.parametrize(
@@ -189,11 +189,11 @@ def test_whose_message_it_is(device_id, component, told_id, meant):
     assert not Gimbal(device_id).is_meant(Message("ATTITUDE", 1, component, "", None), 1)
 
 
-def test_an_attitude_less_certain_than_six_degrees_is_none():
+def test_attitude_less_certain_than_six_degrees_is_refused_as_gimbal_gap():
     def wild(t_s):
         return Rotation.from_euler("ZYX", [0.0, -60.0 + 40.0 * np.sin(13.0 * t_s), 0.0], degrees=True)
 
-    assert asked(fed(turn=wild), 4.1) is Reason.NO_GIMBAL
+    assert asked(fed(turn=wild), 4.1) is Reason.GIMBAL_GAP
 
 
 Orientation = namedtuple("Orientation", "time_boot_ms roll pitch yaw yaw_absolute")
@@ -284,3 +284,141 @@ def test_the_rate_of_telemetry_is_that_of_its_gimbal():
         telemetry.on_gimbal(message, 1, host_ns)
     reported = telemetry.status(HostNs(19_900_000_000)).gimbal
     assert reported.age_s == pytest.approx(0.0, abs=0.002)
+
+
+def test_both_frame_flags_are_refused_by_name():
+    gimbal = Gimbal(154)
+    for k in range(10):
+        gimbal.on_message(fields(0.2 * k, NO_TURN, flags=32 | 64), HostNs(200_000_000 * k))
+    assert asked(gimbal, 1.7) is Reason.GIMBAL_FLAGS
+    assert gimbal.status(HostNs(2_000_000_000)).refused_as == "gimbal_flags"
+
+
+@pytest.mark.parametrize(
+    ("kind", "taken"), [(AutopilotKind.PX4, False), (AutopilotKind.ARDUPILOT, True), (AutopilotKind.OTHER, True)]
+)
+def test_mount_orientation_of_px4_is_refused_and_others_count_with_3_deg(kind, taken):
+    gimbal, clock = Gimbal(1), autopilot_clock()
+    for k in range(26):
+        sent = Orientation(round((BOOT_S + 0.2 * k) * 1e3), 1.0, -60.0, 20.0, nan)
+        gimbal.on_older_message(Message("MOUNT_ORIENTATION", 1, 1, "", sent), clock, HostNs(200_000_000 * k), kind)
+    at = gimbal.at(BootNs(round((BOOT_S + 4.1) * 1e9)), clock, LEVEL)
+    if taken:
+        assert at.tilt_sigma == pytest.approx(np.radians(3.0))
+    else:
+        assert at is Reason.GIMBAL_SETPOINT
+
+
+@pytest.mark.parametrize("spacing_s", [0.1, 0.2, 0.5, 1.0])
+def test_slow_reports_of_a_still_gimbal_are_interpolated_and_extrapolated_in_their_own_intervals(spacing_s):
+    def still(_t_s):
+        return look(0.0)
+
+    gimbal = fed(rate_hz=1.0 / spacing_s, seconds=12.0, turn=still)
+    for t_s in (12.0 - 0.5 * spacing_s, 12.0 + 1.4 * spacing_s):
+        at = asked(gimbal, t_s)
+        assert isinstance(at, GimbalAt), t_s
+        w, x, y, z = at.ned_from_gimbal
+        assert (Rotation.from_quat([x, y, z, w]).inv() * look(0.0)).magnitude() < 1e-6
+    assert asked(gimbal, 12.0 + max(0.3, 1.5 * spacing_s) + 0.02) is Reason.STALE_GIMBAL
+
+
+def test_slew_between_reports_a_second_apart_is_refused_as_gimbal_gap():
+    def slewing(t_s):
+        return Rotation.from_euler("ZYX", [40.0 * np.sin(1.9 * t_s), -60.0, 0.0], degrees=True)
+
+    assert asked(fed(rate_hz=1.0, seconds=12.0, turn=slewing), 11.5) is Reason.GIMBAL_GAP
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.08])
+def test_configured_delay_dates_attitudes_back(delay_s):
+    gimbal = Gimbal(154, delay_s=delay_s)
+    for k in range(26):
+        gimbal.on_message(fields(0.2 * k, quaternion(look(0.2 * k - delay_s))), HostNs(200_000_000 * k))
+    w, x, y, z = asked(gimbal, 4.1).ned_from_gimbal
+    assert (Rotation.from_quat([x, y, z, w]).inv() * look(4.1)).magnitude() < np.radians(0.02)
+
+
+def swaying(t_s):
+    """A vehicle that rolls by 4 deg and pitches by 6 deg, heading 50 deg."""
+    return Rotation.from_euler("ZYX", [50.0, 6.0 * np.sin(2.9 * t_s), 4.0 * np.cos(2.3 * t_s)], degrees=True)
+
+
+LEVEL_CAMERA = Rotation.from_euler("ZYX", [70.0, -50.0, 0.0], degrees=True)
+
+
+def carried(*, reports_body, flags, levelled="auto", seconds=12.0, body=swaying, device_id=1):
+    """A gimbal that holds its camera level on a moving vehicle, and reports its angles from the horizon or the body."""
+    gimbal, clock = Gimbal(device_id, levelled=levelled), autopilot_clock()
+
+    def body_at(boot_ns):
+        return AttitudeAt(quaternion(body(boot_ns * 1e-9 - BOOT_S)), (0.0, 0.0, 0.0), 0.0, 0.0)
+
+    for k in range(round(10 * seconds)):
+        t_s = 0.1 * k
+        clock.on_arrival(BootNs(round((BOOT_S + t_s) * 1e9)), HostNs(round(t_s * 1e9)))
+        reference = body(t_s) if reports_body else Rotation.from_euler("Z", 50.0, degrees=True)
+        sent = fields(0.0, quaternion(reference.inv() * LEVEL_CAMERA), flags=flags, device_id=device_id)
+        gimbal.on_message(sent._replace(time_boot_ms=round((BOOT_S + t_s) * 1e3)), HostNs(round(t_s * 1e9)))
+        gimbal.compare(body_at, clock)
+    then = BootNs(round((BOOT_S + seconds - 0.35) * 1e9))
+    at = gimbal.at(then, clock, body_at(then))
+    w, x, y, z = at.ned_from_gimbal
+    return at, (Rotation.from_quat([x, y, z, w]).inv() * LEVEL_CAMERA).magnitude(), gimbal
+
+
+@pytest.mark.parametrize("reports_body", [False, True])
+def test_motion_shows_whether_reported_angles_count_from_the_horizon(reports_body):
+    at, off, gimbal = carried(reports_body=reports_body, flags=32 | LOCKS)
+    assert at.tilt_sigma == 0.0
+    assert off < np.radians(0.1)
+    assert gimbal.status(HostNs(0)).levelled is not reports_body
+
+
+@pytest.mark.parametrize("reports_body", [False, True])
+def test_until_motion_shows_it_both_readings_are_in_the_claim(reports_body):
+    at, off, gimbal = carried(reports_body=reports_body, flags=32 | LOCKS, seconds=1.2)
+    assert gimbal.status(HostNs(0)).levelled is None
+    assert at.tilt_sigma > np.radians(0.5)
+    assert off < 1.5 * at.tilt_sigma + np.radians(0.1)
+
+
+@pytest.mark.parametrize("levelled", [False, True])
+def test_configured_reading_counts_from_the_first_message(levelled):
+    at, off, _ = carried(reports_body=not levelled, flags=32 | LOCKS, levelled=levelled, seconds=1.2)
+    assert at.tilt_sigma == 0.0
+    assert off < np.radians(0.1)
+
+
+def test_angles_from_the_body_that_never_change_do_not_count_from_the_horizon():
+    """An unlocked camera turns with the body: its constant angles look like those of a camera that is held level."""
+    gimbal, clock = Gimbal(154), autopilot_clock()
+
+    def body_at(boot_ns):
+        return AttitudeAt(quaternion(swaying(boot_ns * 1e-9 - BOOT_S)), (0.0, 0.0, 0.0), 0.0, 0.0)
+
+    for k in range(120):
+        t_s = 0.1 * k
+        clock.on_arrival(BootNs(round((BOOT_S + t_s) * 1e9)), HostNs(round(t_s * 1e9)))
+        gimbal.on_message(fields(t_s, NO_TURN, flags=32), HostNs(round(t_s * 1e9)))
+        gimbal.compare(body_at, clock)
+    then = BootNs(round((BOOT_S + 11.6) * 1e9))
+    at = gimbal.at(then, clock, body_at(then))
+    w, x, y, z = at.ned_from_gimbal
+    assert (Rotation.from_quat([x, y, z, w]).inv() * swaying(11.6)).magnitude() < np.radians(0.1)
+    assert at.tilt_sigma > np.radians(1.0)
+
+
+@pytest.mark.parametrize(("own_zero_deg", "reported"), [(0.0, False), (9.0, False), (-11.0, True), (70.0, True)])
+def test_heading_that_differs_by_more_than_10_deg_is_reported_once_with_its_number(own_zero_deg, reported):
+    gimbal, clock = Gimbal(154), autopilot_clock()
+    body = AttitudeAt(quaternion(Rotation.from_euler("Z", 50.0, degrees=True)), (0.0, 0.0, 0.0), 0.0, 0.0)
+    events = []
+    for k in range(40):
+        host_ns = HostNs(100_000_000 * k)
+        sent = fields(0.1 * k, NO_TURN, flags=32 | LOCKS, delta_yaw=np.radians(50.0 + own_zero_deg))
+        gimbal.on_message(sent, host_ns)
+        events += gimbal.compare(lambda _: body, clock)
+    assert len(events) == reported
+    for event in events:
+        assert event.deg == pytest.approx(own_zero_deg)

@@ -235,6 +235,8 @@ def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, An
     lens, camera, doubt_s = plan.lens, truth.camera, truth.uncertainty.time_offset_sigma_s
     return {
         "gimbal.device_id": camera.mount.gimbal_device_id,
+        "gimbal.late_s": camera.mount.gimbal_delay_s,
+        "priors.gimbal_yaw_bias_deg": camera.mount.gimbal_yaw_bias_deg,
         "camera.image_size": lens.image_size,
         "camera.k_mm": lens.k_mm,
         "camera.pixels_per_mm": lens.pixels_per_mm,
