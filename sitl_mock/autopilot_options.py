@@ -72,6 +72,16 @@ class AutopilotOptions:
     """Streams sent before any request, and the rules for requests: see :mod:`sitl_mock.streams`."""
     group_rates_hz: dict[int, float] = field(default_factory=dict)
     """SRn_* by MAV_DATA_STREAM, where ``streams`` is one of ArduPilot's."""
+    refuses_roi: bool = False
+    """Whether a region of interest is answered FAILED."""
+    follow_system_id: int = 0
+    """FOLL_SYSID; 0: any system but the vehicle's own."""
+    mode_changes_at_s: float = 0.0
+    """Time at which the pilot changes the flight mode; 0: never."""
+    status_changes_at_s: float = 0.0
+    """Time at which HEARTBEAT.system_status becomes status_then; 0: never."""
+    status_then: int = 5
+    """MAV_STATE: 3 on the ground, 5 in a failsafe."""
     rates_hz: dict[str, float] = field(default_factory=dict)
     """Streams that run from the start, in addition to the defaults or replacing their rates."""
     more_parameters: Annotated[int, Meta(ge=0, le=5000)] = 0

@@ -67,6 +67,7 @@ class MockCamera:
         clock: BootClock,
         start_host_ns: int,
         unix_minus_host_s: float,
+        gimbal: Gimbal,
     ) -> None:
         self._o, self._c = options, options.camera
         self._biases, self._flight, self._scene = biases, flight, scene
@@ -75,7 +76,7 @@ class MockCamera:
         self.body_from_camera = true_mount(options, biases)
         """gimbal_from_camera where the camera is on a gimbal."""
         self._position_m = plus(self._c.position_m, biases.lever_arm_m)
-        self._gimbal = Gimbal(options, biases, flight)
+        self._gimbal = gimbal
         self._surface = Surface(options)
         self._noise: CameraNoise = (StreamsByCause if options.noise_by_cause else SharedStream)(options.seed)
         self._tags: dict[int, GroundTag] = {}

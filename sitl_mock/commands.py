@@ -8,6 +8,7 @@ from math import isfinite
 from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.broadcast import Broadcast
 from sitl_mock.codec import NAMES, NUMBERS, Heard
+from sitl_mock.gimbal_manager import GimbalManager
 from sitl_mock.radio import Radio
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
@@ -27,7 +28,11 @@ class Commands:
         radio: Radio,
         arm: Callable[[bool, int], None],
         reboot_soon: Callable[[int], None],
+        gimbal: GimbalManager | None = None,
     ) -> None:
+        """``gimbal``: the gimbal manager that the autopilot is; None: it has none."""
+        self._gimbal = gimbal
+        self._by_message = {} if gimbal is None else gimbal.handlers()
         self._broadcast, self._radio, self._do_arm, self._reboot_soon = broadcast, radio, arm, reboot_soon
         self._states_nothing = options.answers == "ack_only"
         self._table = {
@@ -44,7 +49,9 @@ class Commands:
         """Executes a command and acknowledges it."""
         command = heard.fields["command"]
         parameters = (heard.fields["param1"], heard.fields["param2"])
-        if command not in self._table:
+        if command in self._by_message:
+            result = self._by_message[command](heard, now_ns)
+        elif command not in self._table:
             result = UNSUPPORTED
         elif not isfinite(parameters[0]):
             result = DENIED
@@ -95,6 +102,8 @@ class Commands:
 
     def _request_message(self, number: float, _param2: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
+        if self._gimbal is not None and self._gimbal.request(int(number), now_ns):
+            return ACCEPTED
         if not self._broadcast.knows(name):
             return UNSUPPORTED if int(number) not in NUMBERS.values() else DENIED
         return ACCEPTED if self._broadcast.send(name, now_ns) else FAILED

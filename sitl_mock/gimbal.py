@@ -8,6 +8,7 @@ from typing import Any
 
 from sitl_mock.draws import DrawnBiases, radians3
 from sitl_mock.flight import Flight
+from sitl_mock.gimbal_motor import GimbalMotor, Look
 from sitl_mock.options import Options
 from sitl_mock.rotation import (
     Matrix,
@@ -46,6 +47,7 @@ class Gimbal:
         self._o, self._biases, self._flight = options.gimbal, biases, flight
         self._noise = options.priors.attitude_noise_deg
         self._rng = Random(f"{options.seed}/gimbal")
+        self._motor = GimbalMotor(self._o.command_delay_s, radians(self._o.rate_deg_s), frozen=self._o.frozen)
         if self._o.yaw not in FLAGS:
             raise KeyError(f"no gimbal.yaw {self._o.yaw!r}: one of {', '.join(FLAGS)}")
 
@@ -58,7 +60,7 @@ class Gimbal:
         """Fields of the message: with the gimbal's own errors, and the heading's error where yaw counts from north."""
         of_s = flight_s - self._o.late_s - self._biases.gimbal_delay_s
         roll, pitch, yaw = self._reported(of_s)
-        heading = self._heading(of_s)
+        heading = self.own_heading(of_s)
         if self._o.yaw in FROM_NORTH:
             yaw += heading
         if self._o.message == "MOUNT_ORIENTATION":
@@ -80,7 +82,16 @@ class Gimbal:
             "gimbal_device_id": self._o.device_id if self._o.device_id <= BEHIND_AUTOPILOT else 0,
         }
 
-    def _heading(self, t: float) -> float:
+    def command(self, look: Look, t: float) -> None:
+        """Turns it to a pitch and a yaw from the vehicle's heading, by its own measure."""
+        self._motor.command(look, t, self.look(t))
+
+    def look(self, t: float) -> Look:
+        """Pitch, and yaw from the vehicle's heading, by its own measure, radians."""
+        pitch, yaw = self._angles(t)
+        return pitch + radians(self._biases.attitude_pitch_deg), yaw + radians(self._biases.gimbal_yaw_deg)
+
+    def own_heading(self, t: float) -> float:
         """The gimbal's idea of the vehicle's heading, radians."""
         return self._flight.euler(t)[2] + radians(self._biases.heading_deg + self._o.yaw_zero_deg)
 
@@ -99,6 +110,9 @@ class Gimbal:
 
     def _angles(self, t: float) -> tuple[float, float]:
         """Pitch, and yaw from the vehicle's heading, radians."""
+        if self._motor.moves:
+            pitch, yaw = self._motor.at(t)
+            return pitch - radians(self._biases.attitude_pitch_deg), yaw - radians(self._biases.gimbal_yaw_deg)
         w = 2.0 * pi * SWING_HZ
         pitch_deg = self._o.pitch_deg + self._o.swing_deg * sin(w * t)
         return radians(pitch_deg), radians(self._o.yaw_deg + self._o.swing_deg * cos(0.7 * w * t))

@@ -206,6 +206,20 @@ class GimbalOptions:
     """Age of an attitude at its stamp."""
     resets_at_s: float = 0.0
     """Time at which the gimbal boots again; 0: never."""
+    manager: bool = False
+    """Whether the autopilot is a gimbal manager that points it; until the first command it swings."""
+    command_delay_s: NotNegative = 0.08
+    """Time from the arrival of a command to the motion."""
+    rate_deg_s: Positive = 100.0
+    """Fastest turn."""
+    frozen: bool = False
+    """Whether it never moves, whatever is commanded."""
+    manager_denies: bool = False
+    """Whether the manager answers a request for the control with DENIED."""
+    taken_at_s: float = 0.0
+    """Time at which another station takes the control; 0: never."""
+    stick_at_s: float = 0.0
+    """Time at which the pilot's stick turns it aside; 0: never."""
     second_id: int = 0
     """Component of a second gimbal, which carries nothing and looks elsewhere; 0: none."""
     pitch_deg: float = -60.0

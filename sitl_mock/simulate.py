@@ -84,7 +84,9 @@ class Simulation:
         self.vehicle = MockVehicle(
             *common, self.world, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s
         )
-        self.camera = MockCamera(*common, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s)
+        self.camera = MockCamera(
+            *common, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s, self.vehicle.belief.gimbal
+        )
         self.end_ns = self.start_host_ns + round(options.seconds * 1e9)
         self.frames = 0
         self._truth_at = self.start_host_ns if options.truth_hz else None

@@ -12,15 +12,17 @@ AUTOPILOTS = {"ardupilot": 3, "px4": 12, "inav": 0, "betaflight": 0}
 ARMED, STABILIZED, CUSTOM = 128, 16, 1
 
 
-def heartbeat(options: AutopilotOptions, armed: bool) -> dict[str, Any]:
-    """HEARTBEAT fields of a flapping-wing vehicle."""
+def heartbeat(
+    options: AutopilotOptions, armed: bool, status: int | None = None, *, mode_changed: bool = False
+) -> dict[str, Any]:
+    """HEARTBEAT fields of a flapping-wing vehicle. ``status``: None: by the arming."""
     px4 = options.firmware == "px4"
     return {
         "type": FLAPPING_WING,
         "autopilot": AUTOPILOTS[options.firmware],
         "base_mode": CUSTOM | STABILIZED | (ARMED if armed else 0),
-        "custom_mode": 0x04040000 if px4 else 10,
-        "system_status": 4 if armed else 3,
+        "custom_mode": (0x04040000 if px4 else 10) + mode_changed,
+        "system_status": status if status is not None else 4 if armed else 3,
         "mavlink_version": 3,
     }
 

@@ -33,9 +33,12 @@ class Telemetry:
         self._belief, self._clock, self._start = belief, clock, start_host_ns
         self._rng = Random(f"{options.seed}/stamps")
         self.armed = False
+        self.mode_changed = False
+        self.status: int | None = None
+        """System status in place of the usual one; None: as the arming says."""
         self.utc_minus_host_s = 0.0
         self._makers: dict[str, Callable[[int], Fields | None]] = {
-            "HEARTBEAT": lambda _: heartbeat(self._a, self.armed),
+            "HEARTBEAT": lambda _: heartbeat(self._a, self.armed, self.status, mode_changed=self.mode_changed),
             "ATTITUDE": self._attitude,
             "ATTITUDE_QUATERNION": self._attitude_quaternion,
             "GLOBAL_POSITION_INT": self._global_position,

@@ -15,8 +15,10 @@ from sitl_mock.commands import Commands
 from sitl_mock.draws import DrawnBiases
 from sitl_mock.earth import World
 from sitl_mock.flight import Flight
+from sitl_mock.follow_mode import FollowMode
 from sitl_mock.gimbal import BEHIND_AUTOPILOT
 from sitl_mock.gimbal_component import GimbalComponent
+from sitl_mock.gimbal_manager import GimbalManager
 from sitl_mock.options import Options
 from sitl_mock.others import Others
 from sitl_mock.parameters import Parameters
@@ -62,6 +64,10 @@ class MockVehicle:
         self._others = Others(options, self._broadcast, flight_s, self._agenda, radio, start_host_ns)
         if options.gimbal.device_id > BEHIND_AUTOPILOT:
             GimbalComponent(options, self.belief.gimbal, flight_s, self._agenda, radio, start_host_ns)
+        self.gimbal_manager = GimbalManager(options, self.belief, flight_s, self._agenda, radio)
+        if options.gimbal.manager:
+            self.gimbal_manager.start(start_host_ns + 150_000_000)
+        self.follow = FollowMode(options, self.belief, flight_s)
         self._handlers = self._table()
         self._begin(start_host_ns)
 
@@ -95,12 +101,26 @@ class MockVehicle:
             self._agenda.at(start_ns + round(o.autopilot.arms_at_s * 1e9), partial(self._arm, True))
         if o.autopilot.gps and o.autopilot.gps_fix_at_s > 0.0:
             self._agenda.at(start_ns + round(o.autopilot.gps_fix_at_s * 1e9), self._fix)
+        for at_s, change in (
+            (o.autopilot.mode_changes_at_s, self._change_mode),
+            (o.autopilot.status_changes_at_s, self._change_status),
+        ):
+            if at_s:
+                self._agenda.at(start_ns + round(at_s * 1e9), change)
         for reboot_s in o.others.reboots_at_s:
             self._agenda.at(start_ns + round(reboot_s * 1e9), self._reboot)
 
     def _fix(self, at_ns: int) -> None:
         self._broadcast.send("GPS_GLOBAL_ORIGIN", at_ns)
         self._broadcast.send("HOME_POSITION", at_ns)
+
+    def _change_mode(self, at_ns: int) -> None:
+        self._telemetry.mode_changed = True
+        self._broadcast.send("HEARTBEAT", at_ns)
+
+    def _change_status(self, at_ns: int) -> None:
+        self._telemetry.status = self._o.autopilot.status_then
+        self._broadcast.send("HEARTBEAT", at_ns)
 
     def _arm(self, armed: bool, at_ns: int, /) -> None:
         """Arms or disarms; arming moves home."""
@@ -151,7 +171,8 @@ class MockVehicle:
         more = self._broadcast.streams.parameters()
         more |= {f"MORE_{number}": float(number) for number in range(autopilot.more_parameters)}
         parameters = Parameters(autopilot, self._agenda, self._radio, more)
-        commands = Commands(autopilot, self._broadcast, self._radio, self._arm, self._reboot_soon)
+        manager = self.gimbal_manager if self._o.gimbal.manager else None
+        commands = Commands(autopilot, self._broadcast, self._radio, self._arm, self._reboot_soon, manager)
         return {
             "TIMESYNC": self._hear_timesync,
             "COMMAND_LONG": commands.hear,
@@ -161,6 +182,8 @@ class MockVehicle:
             "PARAM_REQUEST_LIST": parameters.list,
             "PARAM_SET": parameters.set,
             "LANDING_TARGET": self.precland.hear,
+            "FOLLOW_TARGET": self.follow.hear,
+            **({} if manager is None else {"GIMBAL_MANAGER_SET_PITCHYAW": manager.set_pitchyaw}),
         }
 
     def _hear_timesync(self, heard: Heard, now_ns: int) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from fwav_companion.acting.options import ActTable
 from fwav_companion.camera import file_and_camera
 from fwav_companion.config.estimation import GroundConfig, LandmarkConfig, UncertaintyConfig
 from fwav_companion.config.inputs import (
@@ -93,6 +94,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """How fixes become targets."""
     publish: PublishTable = PublishTable()
     """Which target is reported to which receivers."""
+    act: ActTable | None = None
+    """What is done about the target that an operator selected; None: nothing."""
     fleet: FleetTable | None = None
     """What is shared with other vehicles; None: nothing."""
     record: RecordConfig = RecordConfig()

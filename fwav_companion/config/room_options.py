@@ -7,10 +7,12 @@ other units, or facts that are not in the file. Only a flight imports this modul
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import radians
 
 import msgspec
 
 from fwav_companion import __version__
+from fwav_companion.acting.options import ActOptions, ActTable
 from fwav_companion.camera import Calibration
 from fwav_companion.config.document import Config
 from fwav_companion.config.rules import CAMERA_COMPONENT_ID
@@ -103,6 +105,20 @@ def publish_options(config: Config, calibration: Calibration | None, unit: str) 
         camera_component=CAMERA_COMPONENT_ID,
         version=version_numbers(),
         unit=unit,
+    )
+
+
+def act_options(config: Config) -> ActOptions:
+    """The options of acting on the selected target; [act] is present."""
+    table, mount = config.act or ActTable(), config.camera.mount
+    return ActOptions(
+        **msgspec.structs.asdict(table),
+        gimbal_device_id=mount.gimbal_device_id,
+        mount_pitch=radians(mount.pitch_deg),
+        mount_yaw=radians(mount.yaw_deg),
+        companion_component=config.vehicle.component_id,
+        gcs_links=frozenset(link.name for link in config.link if link.role == "gcs"),
+        signed=config.signing is not None,
     )
 
 

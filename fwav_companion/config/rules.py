@@ -7,6 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
+from fwav_companion.acting.options import ActTable
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.config.key_errors import printable
@@ -27,6 +28,8 @@ from fwav_companion.vision.task import VisionTask
 CAMERA_COMPONENT_ID: Final = 100
 """MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
 
+GROUND_STATION_SYSTEM_ID: Final = 255
+"""System id that ground stations have unless they are configured otherwise."""
 MOST_LANDMARKS: Final = 32
 """Most landmarks: each adds three states to a filter whose cost grows with the square of their number."""
 
@@ -52,6 +55,8 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     yield from _targets(document)
     yield from _landmarks(document)
     yield from _ground_and_publish(document)
+    if document.act is not None:
+        yield from _act(document, document.act)
 
 
 def _urls(document: Document) -> Iterator[Complaint]:
@@ -175,4 +180,27 @@ def _ground_and_publish(document: Document) -> Iterator[Complaint]:
         yield (
             ("publish", "landing_label"),
             "missing, while [publish] landing_target is on; accepted: the label of the target to land on",
+        )
+
+
+def _act(document: Document, act: ActTable) -> Iterator[Complaint]:
+    """What [act] needs of other tables, and the system ids that another sender has."""
+    if act.acts and not document.publish.camera_tracking:
+        yield (
+            ("publish", "camera_tracking"),
+            "false, while [act] acts on the target that an operator selects by it; accepted: true",
+        )
+    if act.acts and not document.camera.calibration:
+        yield ("camera", "calibration"), "missing, while [act] acts on a target; accepted: the path of a camera file"
+    if act.point == "gimbal" and not document.camera.mount.gimbal_device_id:
+        yield (
+            ("camera", "mount", "gimbal_device_id"),
+            '0, while [act] point = "gimbal"; accepted: the gimbal that carries the camera',
+        )
+    if act.follow_system_id == GROUND_STATION_SYSTEM_ID:
+        yield ("act", "follow_system_id"), "255 is the ground stations'; accepted: an id that no other sender has"
+    if act.follow_system_id and act.follow_system_id == document.vehicle.system_id:
+        yield (
+            ("act", "follow_system_id"),
+            "the vehicle's own id, which ArduPilot does not follow; accepted: another, or 0 for PX4",
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
+from fwav_companion.acting.acting import Acting
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.mavlink.client.commands import Commands
@@ -51,6 +52,8 @@ class Components:
     publisher: Publisher
     camera: CameraPipeline | None
     """None in a relay without a camera."""
+    acting: Acting | None = None
+    """None where [act] is absent, or asks for nothing."""
     spots: ClickedSpots | None = None
     """None where clicks only select tracks."""
     adopted_ns: HostNs | None = None
@@ -165,6 +168,7 @@ class Components:
             sight=None if self.camera is None else self.camera.status(),
             calibration=None if self.camera is None or report is None else self.camera.calibration_news.status(report),
             publishing=self.publisher.status(now),
+            acting=None if self.acting is None else self.acting.status(),
             tracks=self.publisher.track_reports(plane, now),
             footprint=list(self.footprint(now)),
             frames=log.frames,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import hypot
 
+from fwav_companion.acting.permission import End
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.client.identity_events import (
     Adopted,
@@ -74,6 +75,7 @@ class EventHandlers:
                     self._readiness.begin(now)
                 case AutopilotLost():
                     self._readiness.stop()
+                    self._end_acting(End.AUTOPILOT_LOST, now)
                 case ArmedChanged(armed=True) if self._live:
                     readiness = self._current_readiness(now)
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
@@ -84,10 +86,15 @@ class EventHandlers:
         plane = components.telemetry.world.plane
         components.telemetry.start_over()
         components.publisher.landing.lag_s = DEFAULT_LAG_S
+        self._end_acting(End.REPLACED, now)
         if components.camera is not None:
             components.camera.drop_all(Reason.VEHICLE_CHANGED)
             components.publisher.forget_targets()
             self._target_log.settle(components.camera.settle(now), plane)
+
+    def _end_acting(self, end: End, now: HostNs) -> None:
+        if self._components.acting is not None:
+            self._components.acting.on_end(end, now)
 
     def of_parameters(self) -> None:
         """Pass the autopilot's PLND_LAG to the landing, limited as ArduPilot limits it."""
@@ -119,6 +126,7 @@ class EventHandlers:
                 case Rebooted():
                     self._components.timesync.restart(now)
                     self._components.rates.ask_again("the autopilot rebooted", now)
+                    self._end_acting(End.REBOOTED, now)
                     self._readiness.begin(now)
                 case OriginSet(origin, late):
                     if late and self._components.camera is not None:

@@ -49,6 +49,8 @@ class FrameHandlers:
                 if self._components.spots is not None:
                     self._components.spots.on_tracks(seen.tracks)
                 self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
+                if self._components.acting is not None:
+                    self._components.acting.on_tracks(publisher.clicked, now, awaited=publisher.awaits_click)
                 self._outputs.notify(publisher.notices(), now)
         return self._components.camera.frames_taken - taken
 

@@ -102,6 +102,9 @@ class Pipeline:
         if self._live and message.name in ANSWERED:
             self._outputs.messages += components.commands.on_message(message, components.situation(now))
             self._outputs.notify(components.publisher.notices(), now)
+        if self._live and components.acting is not None:
+            components.acting.on_message(message, components.identity.autopilot, now)
+            self._speaker.act(now)
 
     def _on_attitude(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
         """Handle an attitude. Most messages are attitudes, and most of them do not change what is due."""

@@ -7,9 +7,11 @@ from functools import partial
 from math import radians
 
 from fwav_companion import __version__
+from fwav_companion.acting.acting import Acting
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config, MountConfig
 from fwav_companion.config.room_options import (
+    act_options,
     camera_timing,
     publish_options,
     telemetry_options,
@@ -44,6 +46,7 @@ from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.pipeline.tracking_commands import TrackingCommands
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.landing import LATEST_FRAME_NS
 from fwav_companion.publishing.publisher import Publisher
@@ -62,6 +65,7 @@ WANTED = frozenset(
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
         "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION", "MOUNT_STATUS", "PARAM_VALUE", "STATUSTEXT",
         "MESSAGE_INTERVAL", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS",
+        "EXTENDED_SYS_STATE", "GIMBAL_MANAGER_INFORMATION", "GIMBAL_MANAGER_STATUS",
     }
 )  # fmt: skip
 """Names of the messages that are used; no other is decoded."""
@@ -124,9 +128,11 @@ def make_pipeline(
         look_at=None if camera is None else camera.look.aim,
         geoid=geoid_undulation_m,
     )
+    acting = Acting(act_options(config)) if live and has_camera and config.act is not None and config.act.acts else None
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
-        handlers[CAMERA_COMPONENT_ID] = publisher.on_command
+        tracking = TrackingCommands(publisher, acting, CAMERA_COMPONENT_ID)
+        handlers = {component: tracking.on_companion, CAMERA_COMPONENT_ID: tracking.on_camera}
     commands = Commands(handlers, require_signed=config.signing is not None, version=version_numbers())
     commands.system = config.vehicle.system_id
     commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
@@ -145,6 +151,7 @@ def make_pipeline(
         telemetry=telemetry,
         publisher=publisher,
         camera=camera,
+        acting=acting,
         spots=spots,
     )
     return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)

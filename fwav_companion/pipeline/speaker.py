@@ -24,6 +24,7 @@ class Speaker:
             components.rates.wake_at,
             components.publisher.wake_at,
             self._handlers.wake_at,
+            None if components.acting is None else components.acting.wake_at,
         )
 
     def speak(self, now: HostNs) -> None:
@@ -43,3 +44,13 @@ class Speaker:
             self._outputs.notify(components.publisher.notices(), now)
         if self._handlers.wake_at is not None and self._handlers.wake_at <= now:
             self._handlers.on_wake(now)
+        self.act(now)
+
+    def act(self, now: HostNs) -> None:
+        """Send what is due about the selected target, and report it."""
+        acting = self._components.acting
+        if acting is None:
+            return
+        if acting.wake_at is not None and acting.wake_at <= now:
+            self._outputs.messages += acting.on_wake(now, self._components.situation(now))
+        self._outputs.notify(acting.notices(), now)

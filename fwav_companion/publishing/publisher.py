@@ -85,6 +85,16 @@ class Publisher:
         """The selected target after the newest frame."""
         return self._selection.selected
 
+    @property
+    def clicked(self) -> Track | None:
+        """The track that the operator selected, by a click on it or on a spot; None without one."""
+        return self._selection.selected if self._selection.by_click else None
+
+    @property
+    def awaits_click(self) -> bool:
+        """Whether the operator clicked a spot that has no track yet."""
+        return self._selection.awaits_spot
+
     def on_tracks(
         self, tracks: tuple[Track, ...], situation: Situation, pixel_from_ned: PixelFromNed | None = None
     ) -> list[Outgoing]:

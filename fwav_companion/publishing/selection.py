@@ -74,6 +74,11 @@ class Selection:
         return self._clicked is not None or self._awaited is not None
 
     @property
+    def awaits_spot(self) -> bool:
+        """Whether a clicked spot has no track yet, or has none again."""
+        return self._awaited is not None
+
+    @property
     def selected(self) -> Track | None:
         """The selected track; None where no track is eligible, or the operator stopped the tracking."""
         if self._clicked is not None:

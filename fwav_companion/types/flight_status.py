@@ -314,3 +314,23 @@ class PublishingReport(msgspec.Struct, frozen=True, kw_only=True):
     """Selected track."""
     selected_by: str = ""
     landing: LandingReport = LandingReport()
+
+
+class ActingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What is done about the target that an operator selected."""
+
+    point: str = "none"
+    follow_target: bool = False
+    acts: bool = False
+    """Whether an operator's selection permits it now."""
+    manager: str | None = None
+    """System/component of the gimbal's manager; None before it was found."""
+    pitch_limits_deg: tuple[float, float] | None = None
+    yaw_limits_deg: tuple[float, float] | None = None
+    """Least and largest angle that the manager reports; None where it does not."""
+    primary: str | None = None
+    """System/component that controls the gimbal by the manager's status."""
+    last_end: str | None = None
+    """Why it ended last."""
+    follow_id_heard: bool = False
+    """Whether another system is heard with [act] follow_system_id."""

@@ -126,6 +126,14 @@ class NoticeCode(StrEnum):
     """A station clicked where several targets were at about that time. Click nearer to one."""
     CLICK_REFUSED = "click_refused"
     """A clicked spot cannot be followed: it is too uniform, at the edge, or the picture is gone. Click on another."""
+    ACT_STARTED = "act_started"
+    """The service acts on the target that an operator selected: the text says how. STOP of tracking ends it."""
+    ACT_ENDED = "act_ended"
+    """It ended; the text has the reason. Select the target again to go on."""
+    ACT_REFUSED = "act_refused"
+    """It is not done, because the selection does not count or the other side refuses; the text has the reason."""
+    ACT_WITHHELD = "act_withheld"
+    """It rests for the reason in the text: the claim is too wide, the gimbal is at its limit, or the target jumped."""
     COT_WITHOUT_POSITION = "cot_without_position"
     """Cursor on Target rests without a global position. Wait for the autopilot's GPS."""
     COT_WITHOUT_UTC = "cot_without_utc"
@@ -219,6 +227,8 @@ class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
     to: Destination
     component: int
     """Component id that sends it: the companion or its camera."""
+    system: int = 0
+    """System id that sends it; 0: the vehicle's, as for all but [act] follow_system_id."""
     link: str = ""
     """For REPLY: the link on which the request arrived."""
     notice: NoticeCode | None = None

@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.types.camera import DeliveryReport
 from fwav_companion.types.flight_status import (
+    ActingReport,
     AutopilotReport,
     ClockReport,
     OriginReport,
@@ -73,6 +74,8 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
     calibration: SelfCalibrationReport | None = None
     """Results of self-calibration; None where it is off."""
     publishing: PublishingReport = PublishingReport()
+    acting: ActingReport | None = None
+    """What is done about the selected target; None where [act] asks for nothing."""
     tracks: list[TrackReport] = []
     """Confirmed and coasting tracks, the oldest first; at most 64."""
     footprint: list[tuple[float, float]] = []

@@ -74,7 +74,7 @@ class Companion:
         self.tlog = bytearray()
         self.detections = bytearray()
         self._scanner = Scanner()
-        self._encoders: dict[int, Encoder] = {}
+        self._encoders: dict[tuple[int, int], Encoder] = {}
         self._now = HostNs(0)
 
     @property
@@ -159,8 +159,9 @@ class Companion:
         frames = []
         for outgoing in outputs.messages:
             self.sent.append((now, outgoing))
-            encoder = self._encoders.setdefault(outgoing.component, Encoder(1, outgoing.component))
-            encoder.system = self.pipeline.identity.system
+            key = (outgoing.system, outgoing.component)
+            encoder = self._encoders.setdefault(key, Encoder(1, outgoing.component))
+            encoder.system = outgoing.system or self.pipeline.identity.system
             frames.append(encoder.encode(outgoing.name, outgoing.fields))
             self._record(now, frames[-1])
         return frames

@@ -29,7 +29,7 @@ class Sender:
 
     def __init__(self, router: Router, keyring: Keyring) -> None:
         self._router = router
-        self._sequences: dict[tuple[str, int], int] = {}
+        self._sequences: dict[tuple[str, int, int], int] = {}
         self.own_frames = OwnFrames()
         self.timesyncs: deque[int] = deque(maxlen=MAX_TIMESYNCS)
         """ts1 of our newest TIMESYNC messages: answers to our requests repeat it."""
@@ -38,7 +38,7 @@ class Sender:
     def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
         """Return (link, frame) for every link. Raises EncodeError if there is no such message, field or link."""
         definition, payload = pack(outgoing.name, outgoing.fields)
-        system, component = self._router.system, outgoing.component
+        system, component = outgoing.system or self._router.system, outgoing.component
         stream = (definition.msgid, system << 8 | component, definition.instance(payload))
         if definition.msgid == TIMESYNC:
             self.timesyncs.append(int(outgoing.fields["ts1"]))
@@ -46,8 +46,8 @@ class Sender:
         for port in self._ports_to(outgoing, now):
             if not port.limiter.passes(stream, self._size(port, payload), now):
                 continue
-            seq = self._sequences.get((port.name, component), 0)
-            self._sequences[port.name, component] = (seq + 1) & 0xFF
+            seq = self._sequences.get((port.name, system, component), 0)
+            self._sequences[port.name, system, component] = (seq + 1) & 0xFF
             signer = self._signers[port.name]
             if signer is None:
                 data = frame(definition, payload, system=system, component=component, seq=seq)
