@@ -33,15 +33,20 @@ def apart(one: Angles, other: Angles) -> float:
 
 def target_ned(track: Track, at: HostNs) -> Vector3:
     """Position of the target at an instant, local NED, metres."""
-    return _moved(track.position_ned, track.velocity_ned, (at - track.host_ns) * 1e-9)
+    return moved(track.position_ned, track.velocity_ned, (at - track.host_ns) * 1e-9)
 
 
 def from_vehicle_ned(track: Track, state: VehicleState, state_ns: HostNs, at: HostNs) -> Vector3 | None:
     """The target minus the vehicle at an instant, NED, metres; None without a position of the vehicle."""
     if state.position_ned is None:
         return None
-    vehicle = _moved(state.position_ned, state.velocity_ned, (at - state_ns) * 1e-9)
-    return subtract(_moved(track.apparent_ned, track.velocity_ned, (at - track.host_ns) * 1e-9), vehicle)
+    vehicle = moved(state.position_ned, state.velocity_ned, (at - state_ns) * 1e-9)
+    return subtract(seen_target_ned(track, at), vehicle)
+
+
+def seen_target_ned(track: Track, at: HostNs) -> Vector3:
+    """Position of the target at an instant in the frame of the vehicle's own reports, NED, metres."""
+    return moved(track.apparent_ned, track.velocity_ned, (at - track.host_ns) * 1e-9)
 
 
 def direction(ned: Vector3) -> Angles:
@@ -49,11 +54,16 @@ def direction(ned: Vector3) -> Angles:
     return Angles(asin(max(-1.0, min(1.0, -ned[2] / max(norm(ned), 1e-9)))), atan2(ned[1], ned[0]))
 
 
-def heading_at(state: VehicleState, state_ns: HostNs, at: HostNs) -> float:
-    """The vehicle's heading at an instant, radians, by its rate about down."""
+def heading(state: VehicleState) -> float:
+    """The vehicle's heading, radians."""
     ned_from_body = matrix_from_quaternion(state.ned_from_body)
-    rate = sum(part * axis for part, axis in zip(state.rates, ned_from_body[2], strict=True))
-    return atan2(ned_from_body[1][0], ned_from_body[0][0]) + rate * (at - state_ns) * 1e-9
+    return atan2(ned_from_body[1][0], ned_from_body[0][0])
+
+
+def turn_rate(state: VehicleState) -> float:
+    """The vehicle's rate about down, rad/s."""
+    down = matrix_from_quaternion(state.ned_from_body)[2]
+    return sum(part * axis for part, axis in zip(state.rates, down, strict=True))
 
 
 def measured_look(situation: Situation) -> Angles | None:
@@ -63,9 +73,9 @@ def measured_look(situation: Situation) -> Angles | None:
         return None
     axis = matrix_from_quaternion(state.gimbal.ned_from_gimbal)
     looks = direction((axis[0][0], axis[1][0], axis[2][0]))
-    state_ns = situation.host_ns_of(state)
-    return Angles(looks.pitch, wrapped(looks.yaw - heading_at(state, state_ns, state_ns)))
+    return Angles(looks.pitch, wrapped(looks.yaw - heading(state)))
 
 
-def _moved(place: Vector3, velocity: Vector3 | None, seconds: float) -> Vector3:
+def moved(place: Vector3, velocity: Vector3 | None, seconds: float) -> Vector3:
+    """The place after some seconds at this velocity; None: it stands."""
     return place if velocity is None else add(place, scale(velocity, seconds))

@@ -79,7 +79,7 @@ class GimbalManager:
     def begin(self, now: HostNs) -> None:
         """Start to take the control."""
         self.control, self._asked = Control.FINDING, 0
-        self.refusal = self.taken_by = self.primary = None
+        self.refusal = self.taken_by = self.primary = self.manager = None
         self.wake_at = now
 
     def end(self, autopilot: Autopilot | None) -> list[Outgoing]:
@@ -182,7 +182,8 @@ class GimbalManager:
         chosen = self._chosen()
         if chosen is None or (chosen.system, chosen.component, chosen.device_id) != key:
             return
-        self.manager = chosen if self.control is not Control.NONE else self.manager
+        if self.manager is not None:
+            self.manager = chosen
         if message.name == "GIMBAL_MANAGER_STATUS":
             self._on_primary((fields.primary_control_sysid, fields.primary_control_compid), autopilot)
 

@@ -8,19 +8,26 @@ unstable (T = 0.5 s: 45 deg of phase left at a delay of 0.39 s).
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, radians
+from math import atan2, copysign, cos, hypot, radians
 from typing import Final
 
-from fwav_companion.acting.aim import Angles, apart, direction, from_vehicle_ned, heading_at, wrapped
+from fwav_companion.acting.aim import Angles, direction, heading, moved, seen_target_ned, turn_rate, wrapped
 from fwav_companion.acting.options import ActOptions
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
-from fwav_companion.geometry.vectors import Vector3, larger_semi_axis, norm, subtract
+from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, norm, scale, subtract
 from fwav_companion.types.situation import Situation
+from fwav_companion.types.telemetry import VehicleState
 from fwav_companion.types.tracks import Track
 
 LEAD_S: Final = 0.08
 """Time from a command to the gimbal's arrival: serial gimbals take 50 to 100 ms."""
 TRIM_TIME_S: Final = 0.5
+TURN_TIME_S: Final = 0.15
+"""Time constant of the vehicle's rate of turn: its attitudes' noise, 0.1 deg in 10 ms, would be 1 deg ahead."""
+PLACE_TIME_S: Final = 0.5
+"""Time constant of the vehicle's place, which moves with its velocity: 0.3 m of noise are 1 deg at 20 m."""
+PLACE_JUMP_M: Final = 3.0
+"""Difference at which the place begins anew."""
 LONGEST_STEP_S: Final = 0.1
 """Longest time for which one picture's error is integrated."""
 MOST_TRIM: Final = radians(20.0)
@@ -44,6 +51,8 @@ class Pointing:
         self._trim = Angles(0.0, 0.0)
         self._seen_ns: HostNs | None = None
         self._band = WIDEST_BAND
+        self._turn = 0.0
+        self._place: Vector3 | None = None
         self._last: tuple[HostNs, Angles] | None = None
         self.limits: tuple[Angles, Angles] | None = None
         """Least and largest pitch and yaw that the gimbal reports; None where unknown."""
@@ -58,6 +67,7 @@ class Pointing:
         """Begin from where the gimbal looks."""
         self._last = None if look is None else (now, look)
         self._trim, self._track, self._jumped, self._seen_ns = Angles(0.0, 0.0), None, None, None
+        self._turn, self._place = 0.0, None
         self.at_limit = False
 
     def on_track(self, track: Track) -> None:
@@ -79,33 +89,55 @@ class Pointing:
         if self._track is None or state is None:
             return None if self._last is None else self._last[1]
         arrival, state_ns = HostNs(now + ns_from_s(LEAD_S)), situation.host_ns_of(state)
-        away = from_vehicle_ned(self._track, state, state_ns, arrival)
-        if away is None:
+        vehicle = self._vehicle_ned(state, state_ns, now)
+        if vehicle is None:
             return None if self._last is None else self._last[1]
-        looks = direction(away)
-        yaw = looks.yaw - heading_at(state, state_ns, arrival) - self._mount.yaw + self._trim.yaw
-        wanted = self._limited(Angles(looks.pitch - self._mount.pitch + self._trim.pitch, wrapped(yaw)))
-        return self._step(wanted, now)
+        looks = direction(subtract(seen_target_ned(self._track, arrival), moved(vehicle, state.velocity_ned, LEAD_S)))
+        ahead = heading(state) + self._smooth_turn(turn_rate(state), now) * (arrival - state_ns) * 1e-9
+        yaw = looks.yaw - ahead - self._mount.yaw + self._trim.yaw
+        wanted = Angles(looks.pitch - self._mount.pitch + self._trim.pitch, wrapped(yaw))
+        return self._step(self._limited(wanted), now)
+
+    def _smooth_turn(self, rate: float, now: HostNs) -> float:
+        """The vehicle's rate of turn without the noise of its attitudes."""
+        self._turn += self._share(TURN_TIME_S, now) * (rate - self._turn)
+        return self._turn
+
+    def _vehicle_ned(self, state: VehicleState, state_ns: HostNs, now: HostNs) -> Vector3 | None:
+        """The vehicle's place now, without the noise of its positions; None where it is not known."""
+        if state.position_ned is None:
+            return None
+        reported = moved(state.position_ned, state.velocity_ned, (now - state_ns) * 1e-9)
+        if self._place is None or self._last is None:
+            self._place = reported
+            return reported
+        expected = moved(self._place, state.velocity_ned, (now - self._last[0]) * 1e-9)
+        off = subtract(reported, expected)
+        share = self._share(PLACE_TIME_S, now) if norm(off) < PLACE_JUMP_M else 1.0
+        self._place = add(expected, scale(off, share))
+        return self._place
+
+    def _share(self, time_s: float, now: HostNs) -> float:
+        """Gain of a first-order low pass since the last command."""
+        return 1.0 if self._last is None else min(1.0, (now - self._last[0]) * 1e-9 / time_s)
 
     def _step(self, wanted: Angles, now: HostNs) -> Angles:
-        """The next command: the last one within the dead band, else towards what is wanted, at most at the rate."""
+        """The next command: the last one within the dead band, else towards it, at most at the rate."""
         if self._last is None:
             self._last = (now, wanted)
             return wanted
         since_ns, last = self._last
-        if apart(wanted, last) <= self._band:
-            self._last = (now, last)
-            return last
         most = self._rate * min((now - since_ns) * 1e-9, LONGEST_STEP_S)
-        pitch = last.pitch + max(-most, min(most, wanted.pitch - last.pitch))
-        yaw = self._yaw_towards(last.yaw, wanted.yaw, most)
-        self._last = (now, Angles(pitch, yaw))
+        # A gimbal with stops is not turned through the rear.
+        yaw_way = wanted.yaw - last.yaw if self.limits is not None else wrapped(wanted.yaw - last.yaw)
+        pitch = last.pitch + self._way(wanted.pitch - last.pitch, most)
+        self._last = (now, Angles(pitch, wrapped(last.yaw + self._way(yaw_way, most))))
         return self._last[1]
 
-    def _yaw_towards(self, last: float, wanted: float, most: float) -> float:
-        """The next yaw; a gimbal with stops is not turned through the rear."""
-        way = wanted - last if self.limits is not None else wrapped(wanted - last)
-        return wrapped(last + max(-most, min(most, way)))
+    def _way(self, way: float, most: float) -> float:
+        """The part of a way that is gone now: to the edge of the dead band, so that a steady motion has no steps."""
+        beyond = max(0.0, abs(way) - self._band)
+        return copysign(min(most, beyond), way)
 
     def _limited(self, wanted: Angles) -> Angles:
         if self.limits is None:
