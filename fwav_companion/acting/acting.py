@@ -133,7 +133,7 @@ class Acting:
 
     def status(self) -> ActingReport:
         """Part of the status."""
-        manager = self._gimbal.manager
+        manager = self._gimbal.manager or self._gimbal.heard
         return ActingReport(
             point=self._options.point,
             follow_target=self._options.follow_target,

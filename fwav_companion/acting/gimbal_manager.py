@@ -76,6 +76,11 @@ class GimbalManager:
         self.wake_at: HostNs | None = None
         """Instant of the next request; None where none is due."""
 
+    @property
+    def heard(self) -> Manager | None:
+        """The configured gimbal's manager, as far as it was heard."""
+        return self._chosen()
+
     def begin(self, now: HostNs) -> None:
         """Start to take the control."""
         self.control, self._asked = Control.FINDING, 0

@@ -48,7 +48,7 @@ def held():
 
 
 def test_control_is_asked_for_with_our_real_ids():
-    manager, (configure, request) = taking()
+    _, (configure, request) = taking()
     assert configure.fields["command"] == CONFIGURE
     assert [configure.fields[f"param{index}"] for index in (1, 2, 3, 4, 7)] == [1.0, 191.0, -1.0, -1.0, 1.0]
     assert request.fields["param1"] == 281.0

@@ -1,5 +1,6 @@
 """Where the gimbal has to look, and that it is not moved for nothing."""
 
+from itertools import pairwise
 from math import atan2, degrees, radians
 
 import pytest
@@ -50,7 +51,7 @@ def test_gimbal_ends_where_the_target_is(target, heading, pitch_deg, yaw_deg):
 
 def test_turn_is_no_faster_than_configured():
     found = commanded(pointing(point_rate_deg_s=10.0), lambda now, ray: a_track(now, (0.0, 20.0, 0.0), ray=ray), 4.0)
-    steps = [degrees(abs(after.yaw - before.yaw)) for before, after in zip(found, found[1:], strict=False)]
+    steps = [degrees(abs(after.yaw - before.yaw)) for before, after in pairwise(found)]
     assert max(steps) == pytest.approx(0.5)
     assert sum(steps) == pytest.approx(40.0, rel=0.05)
 

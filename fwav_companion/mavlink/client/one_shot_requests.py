@@ -20,8 +20,8 @@ LANDING_PARAMETERS = (
 )
 """Parameters of ArduPilot's AC_PrecLand: whether it uses LANDING_TARGET, with which delay, and which offsets it adds.
 Read by ``check``."""
-PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", *LANDING_PARAMETERS)
-"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, and precision landing. Fourteen
+PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", "FOLL_SYSID", *LANDING_PARAMETERS)
+"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, whom it follows, and precision landing. Fifteen
 requests at once fit its queue of 20 (GCS_Param.cpp)."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3

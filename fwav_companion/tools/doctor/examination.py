@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fwav_companion.tools.doctor.acting_findings import acting_findings
 from fwav_companion.tools.doctor.autopilot_findings import autopilot_findings, measured_attitude_hz
 from fwav_companion.tools.doctor.board_findings import board_findings, service_findings
 from fwav_companion.tools.doctor.camera_findings import camera_findings, file_findings
@@ -11,6 +12,7 @@ from fwav_companion.tools.doctor.causes import nested
 from fwav_companion.tools.doctor.detection_findings import detection_findings
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.gimbal_findings import gimbal_findings
 from fwav_companion.tools.doctor.landing_findings import landing_findings
 from fwav_companion.tools.doctor.landmark_findings import landmark_findings
 from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
@@ -27,8 +29,10 @@ FROM_STATUS = (
     camera_findings,
     detection_findings,
     mount_findings,
+    gimbal_findings,
     landmark_findings,
     landing_findings,
+    acting_findings,
     service_findings,
 )
 

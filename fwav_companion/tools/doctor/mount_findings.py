@@ -28,20 +28,6 @@ def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     yield from _lever(evidence)
     yield from _above_horizon(evidence, status)
     yield from _disagreeing(evidence, status)
-    yield from _gimbal(status)
-
-
-def _gimbal(status: RunStatus) -> Iterator[Finding]:
-    """Yield a camera on a gimbal that is configured as fixed: its fixes are wrong without any message."""
-    device_id = status.telemetry.gimbal_unused
-    if device_id is not None:
-        yield Finding(
-            "gimbal_unused",
-            Level.WARNING,
-            "[camera.mount]",
-            problem="a gimbal is heard, and gimbal_device_id = 0: the camera counts as fixed to the body",
-            fix=f"if it carries the camera, set gimbal_device_id = {device_id}; the angles then count from its axes",
-        )
 
 
 def _radians(evidence: Evidence) -> Iterator[Finding]:

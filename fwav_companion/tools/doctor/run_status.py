@@ -13,7 +13,7 @@ ADOPTION_S: Final = 5.0
 """Seconds of listening until an autopilot is adopted: one heartbeat, three seconds of choosing, one second to spare."""
 MEASURED_S: Final = 5.0
 """Seconds after adoption until rates, clock and position can be judged: a window of 2 s, begun within a second."""
-UNJUDGED: Final = (("calibration",), ("publishing",), ("sight", "ground"), ("telemetry", "gimbal"))
+UNJUDGED: Final = (("calibration",), ("publishing",), ("sight", "ground"))
 """Paths of parts that `check` does not judge: in another version they may have any form."""
 
 
