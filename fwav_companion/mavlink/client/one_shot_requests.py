@@ -21,8 +21,8 @@ LANDING_PARAMETERS = (
 """Parameters of ArduPilot's AC_PrecLand: whether it uses LANDING_TARGET, with which delay, and which offsets it adds.
 Read by ``check``."""
 PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", "FOLL_SYSID", *LANDING_PARAMETERS)
-"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, whom it follows, and precision landing. Fifteen
-requests at once fit its queue of 20 (GCS_Param.cpp)."""
+"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, whom it follows, and precision
+landing. Fifteen requests at once fit its queue of 20 (GCS_Param.cpp)."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3
 """Rounds of requests: a copter has no PTCH_TRIM_DEG, and does not answer a request for it."""
