@@ -1,4 +1,4 @@
-"""MAVSDK, which shares no line with pymavlink nor with us: it decodes what acting sends, and drives the mock's gimbal."""
+"""MAVSDK, which shares no line with pymavlink nor with us, decodes what acting sends, and drives the mock's gimbal."""
 
 import json
 import socket
