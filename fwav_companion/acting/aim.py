@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import asin, atan2, pi
+from math import asin, atan2, cos, pi
 
 import msgspec
 
@@ -27,8 +27,8 @@ def wrapped(angle: float) -> float:
 
 
 def apart(one: Angles, other: Angles) -> float:
-    """The larger difference of the two angles, radians."""
-    return max(abs(one.pitch - other.pitch), abs(wrapped(one.yaw - other.yaw)))
+    """The larger difference of pitch and of yaw as it moves the axis, radians: straight down yaw moves nothing."""
+    return max(abs(one.pitch - other.pitch), abs(wrapped(one.yaw - other.yaw)) * cos(one.pitch))
 
 
 def target_ned(track: Track, at: HostNs) -> Vector3:

@@ -8,7 +8,7 @@ unstable (T = 0.5 s: 45 deg of phase left at a delay of 0.39 s).
 
 from __future__ import annotations
 
-from math import atan2, copysign, cos, hypot, radians
+from math import atan2, copysign, cos, hypot, pi, radians
 from typing import Final
 
 from fwav_companion.acting.aim import Angles, direction, heading, moved, seen_target_ned, turn_rate, wrapped
@@ -31,6 +31,8 @@ PLACE_JUMP_M: Final = 3.0
 LONGEST_STEP_S: Final = 0.1
 """Longest time for which one picture's error is integrated."""
 MOST_TRIM: Final = radians(20.0)
+DOWNWARD_COSINE: Final = 0.087
+"""Cosine of a pitch of 85 deg: beyond it yaw moves the axis by nothing, and the target's bearing is noise."""
 STEEPEST_COSINE: Final = 0.26
 """Cosine of a pitch of 75 deg: beyond it a sideward error turns the yaw no faster, because yaw rolls the picture."""
 WIDEST_BAND: Final = radians(5.0)
@@ -130,14 +132,11 @@ class Pointing:
         most = self._rate * min((now - since_ns) * 1e-9, LONGEST_STEP_S)
         # A gimbal with stops is not turned through the rear.
         yaw_way = wanted.yaw - last.yaw if self.limits is not None else wrapped(wanted.yaw - last.yaw)
-        pitch = last.pitch + self._way(wanted.pitch - last.pitch, most)
-        self._last = (now, Angles(pitch, wrapped(last.yaw + self._way(yaw_way, most))))
+        pitch = last.pitch + _way(wanted.pitch - last.pitch, self._band, most)
+        level = cos(wanted.pitch)
+        yaw_band = self._band / level if level > DOWNWARD_COSINE else pi
+        self._last = (now, Angles(pitch, wrapped(last.yaw + _way(yaw_way, yaw_band, most))))
         return self._last[1]
-
-    def _way(self, way: float, most: float) -> float:
-        """The part of a way that is gone now: to the edge of the dead band, so that a steady motion has no steps."""
-        beyond = max(0.0, abs(way) - self._band)
-        return copysign(min(most, beyond), way)
 
     def _limited(self, wanted: Angles) -> Angles:
         if self.limits is None:
@@ -178,3 +177,8 @@ class Pointing:
         off_m = hypot(moved[0] - speed[0] * seconds, moved[1] - speed[1] * seconds)
         claim_m = hypot(larger_semi_axis(before.relative_cov), larger_semi_axis(after.relative_cov))
         return off_m > max(LEAST_JUMP_M, JUMP_SIGMAS * claim_m)
+
+
+def _way(way: float, band: float, most: float) -> float:
+    """The part of a way that is gone now: to the edge of the dead band, so that a steady motion has no steps."""
+    return copysign(min(most, max(0.0, abs(way) - band)), way)

@@ -111,6 +111,18 @@ def test_prediction_leads_a_vehicle_that_flies_past():
     assert degrees(found[-1].yaw) == pytest.approx(degrees(atan2(20.0, 20.0 - 10.0 * now_s)), abs=1.5)
 
 
+def test_target_straight_below_turns_no_yaw():
+    """Its bearing jumps from side to side by the noise of positions."""
+    made = pointing()
+    found = []
+    for k in range(1, 101):
+        now = T0 + k * STEP
+        made.on_track(a_track(now, (0.05 if k % 4 < 2 else -0.05, 0.1 if k % 6 < 3 else -0.1, 0.0), ray=AHEAD))
+        found.append(made.command(situation(now)))
+    assert degrees(found[-1].pitch) == pytest.approx(-90.0, abs=1.0)
+    assert {each.yaw for each in found} == {0.0}
+
+
 def test_without_a_place_of_the_vehicle_the_last_command_stays():
     made = pointing()
     before = commanded(made, lambda now, ray: a_track(now, ray=ray), 1.0)[-1]
@@ -123,10 +135,10 @@ def test_without_a_place_of_the_vehicle_the_last_command_stays():
     [(0.5, False, False), (8.0, False, True), (8.0, True, False), (2.5, False, False)],
 )
 def test_gimbal_that_leaves_a_steady_command_is_the_pilots(look_deg, at_limit, stick):
-    watch, command = GimbalWatch(), Angles(-0.8, 0.2)
+    watch, command = GimbalWatch(), Angles(0.0, 0.2)
     for k in range(100):
         off = radians(look_deg) if k > 40 else 0.0
-        watch.on_command(command, Angles(-0.8, 0.2 + off), T0 + k * STEP, at_limit=at_limit)
+        watch.on_command(command, Angles(0.0, 0.2 + off), T0 + k * STEP, at_limit=at_limit)
     assert watch.by_stick(T0 + 99 * STEP) is stick
 
 
@@ -134,9 +146,7 @@ def test_gimbal_that_lags_behind_a_moving_command_is_not_the_pilots():
     watch = GimbalWatch()
     for k in range(100):
         yaw = radians(0.2 * k)
-        watch.on_command(
-            Angles(-0.8, yaw), Angles(-0.8, yaw - radians(min(4.0, 0.2 * k))), T0 + k * STEP, at_limit=False
-        )
+        watch.on_command(Angles(0.0, yaw), Angles(0.0, yaw - radians(min(4.0, 0.2 * k))), T0 + k * STEP, at_limit=False)
     assert not watch.by_stick(T0 + 99 * STEP)
 
 
@@ -145,5 +155,5 @@ def test_gimbal_that_never_moves_is_reported_with_numbers(moves, said):
     watch = GimbalWatch()
     for k in range(100):
         yaw = radians(min(20.0, k * 1.5))
-        watch.on_command(Angles(-0.8, yaw), Angles(-0.8, yaw if moves else 0.0), T0 + k * STEP, at_limit=False)
-    assert watch.stuck(Angles(-0.8, radians(20.0)), T0 + 99 * STEP) == said
+        watch.on_command(Angles(0.0, yaw), Angles(0.0, yaw if moves else 0.0), T0 + k * STEP, at_limit=False)
+    assert watch.stuck(Angles(0.0, radians(20.0)), T0 + 99 * STEP) == said
