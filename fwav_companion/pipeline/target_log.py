@@ -23,7 +23,8 @@ at the latest. Ten detections a frame at 30 frames/s make 3000 sightings in that
 SUMMARIZED = frozenset(
     {
         NoticeCode.SEVERAL_AUTOPILOTS, NoticeCode.AUTOPILOT_REPLACED, NoticeCode.AUTOPILOT_REBOOTED,
-        NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED, NoticeCode.POSITION_JUMPED,
+        NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED, NoticeCode.GIMBAL_HEADING,
+        NoticeCode.POSITION_JUMPED,
         NoticeCode.RELATIVE_WORLD, NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
         NoticeCode.CALIBRATION_DROPPED,
     }

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from fwav_companion.acting.options import ActTable
 from fwav_companion.cli.init import template
 from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
@@ -78,6 +79,7 @@ def test_what_is_commented_out_is_right_too():
     assert config.signing == SigningConfig()
     assert config.vision == VisionTask()
     assert config.fleet == FleetTable()
+    assert config.act == ActTable()
     assert config.ground == GroundConfig(alt_amsl=412.0)
     last = config.link[-1]
     assert last == LinkConfig(name=last.name, url=last.url, role=last.role, max_rate_hz={"ATTITUDE": 4.0})
@@ -85,6 +87,7 @@ def test_what_is_commented_out_is_right_too():
     assert set(shown["signing"]) == set(SigningConfig.__struct_fields__)
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
     assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
+    assert set(shown["act"]) == set(ActTable.__struct_fields__)
     assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17),)
     assert set(shown["target"][-1]) == set(StandingTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
