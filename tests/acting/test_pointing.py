@@ -77,7 +77,7 @@ def test_limits_are_kept_and_noticed():
     made = pointing()
     made.limits = (Angles(radians(-90.0), radians(-60.0)), Angles(0.0, radians(60.0)))
     last = commanded(made, lambda now, ray: a_track(now, (-20.0, 5.0, 0.0), ray=ray), 6.0)[-1]
-    assert degrees(last.yaw) == pytest.approx(60.0, abs=0.5)
+    assert degrees(last.yaw) == pytest.approx(60.0, abs=0.8)  # the dead band of 0.34 deg at a pitch of -60 deg
     assert made.at_limit
 
 
