@@ -44,9 +44,7 @@ class FollowMode:
         if not known or t - known[-1][0] > FOLLOW_TIMEOUT_S:
             return None
         at_s, place, velocity = known[-1]
-        north, east, down = (
-            p + (v * (t - at_s) if isfinite(v) else 0.0) for p, v in zip(place, velocity, strict=True)
-        )
+        north, east, down = (p + (v * (t - at_s) if isfinite(v) else 0.0) for p, v in zip(place, velocity, strict=True))
         return north, east, down
 
     def _refuse(self, why: str) -> None:
