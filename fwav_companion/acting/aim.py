@@ -60,12 +60,6 @@ def heading(state: VehicleState) -> float:
     return atan2(ned_from_body[1][0], ned_from_body[0][0])
 
 
-def turn_rate(state: VehicleState) -> float:
-    """The vehicle's rate about down, rad/s."""
-    down = matrix_from_quaternion(state.ned_from_body)[2]
-    return sum(part * axis for part, axis in zip(state.rates, down, strict=True))
-
-
 def measured_look(situation: Situation) -> Angles | None:
     """Where the gimbal looks by its own report, yaw from the vehicle's heading; None while it is not known."""
     state = situation.recent_vehicle

@@ -212,7 +212,9 @@ class GimbalManager:
 
     def _chosen(self) -> Manager | None:
         """The configured gimbal's manager; where none has its id, the only one."""
-        exact = [each for each in self._managers.values() if self._device_id in (each.device_id, each.component)]
+        component = self._device_id if self._device_id > LAST_NON_MAVLINK_DEVICE else None
+        known = self._managers.values()
+        exact = [each for each in known if each.device_id == self._device_id or each.component == component]
         found = exact or list(self._managers.values())
         return found[0] if len(found) == 1 else None
 

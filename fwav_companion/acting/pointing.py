@@ -8,12 +8,13 @@ unstable (T = 0.5 s: 45 deg of phase left at a delay of 0.39 s).
 
 from __future__ import annotations
 
+from collections import deque
 from math import atan2, copysign, cos, hypot, pi, radians
 from typing import Final
 
-from fwav_companion.acting.aim import Angles, direction, heading, moved, seen_target_ned, turn_rate, wrapped
+from fwav_companion.acting.aim import Angles, direction, heading, moved, seen_target_ned, wrapped
 from fwav_companion.acting.options import ActOptions
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, norm, scale, subtract
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.telemetry import VehicleState
@@ -22,8 +23,9 @@ from fwav_companion.types.tracks import Track
 LEAD_S: Final = 0.08
 """Time from a command to the gimbal's arrival: serial gimbals take 50 to 100 ms."""
 TRIM_TIME_S: Final = 0.5
-TURN_TIME_S: Final = 0.15
-"""Time constant of the vehicle's rate of turn: its attitudes' noise, 0.1 deg in 10 ms, would be 1 deg ahead."""
+TURN_NS: Final = 200 * NS_PER_MS
+"""Time over which the vehicle's rate of turn is taken: over 10 ms the noise of two attitudes, 0.1 deg, would be 1 deg
+at the gimbal's arrival, over 200 ms it is 0.06 deg."""
 PLACE_TIME_S: Final = 0.5
 """Time constant of the vehicle's place, which moves with its velocity: 0.3 m of noise are 1 deg at 20 m."""
 PLACE_JUMP_M: Final = 3.0
@@ -53,7 +55,7 @@ class Pointing:
         self._trim = Angles(0.0, 0.0)
         self._seen_ns: HostNs | None = None
         self._band = WIDEST_BAND
-        self._turn = 0.0
+        self._headings: deque[tuple[HostNs, float]] = deque()
         self._place: Vector3 | None = None
         self._last: tuple[HostNs, Angles] | None = None
         self.limits: tuple[Angles, Angles] | None = None
@@ -69,7 +71,8 @@ class Pointing:
         """Begin from where the gimbal looks."""
         self._last = None if look is None else (now, look)
         self._trim, self._track, self._jumped, self._seen_ns = Angles(0.0, 0.0), None, None, None
-        self._turn, self._place = 0.0, None
+        self._place = None
+        self._headings.clear()
         self.at_limit = False
 
     def on_track(self, track: Track) -> None:
@@ -95,15 +98,20 @@ class Pointing:
         if vehicle is None:
             return None if self._last is None else self._last[1]
         looks = direction(subtract(seen_target_ned(self._track, arrival), moved(vehicle, state.velocity_ned, LEAD_S)))
-        ahead = heading(state) + self._smooth_turn(turn_rate(state), now) * (arrival - state_ns) * 1e-9
+        ahead = heading(state) + self._turn_rate(heading(state), state_ns) * (arrival - state_ns) * 1e-9
         yaw = looks.yaw - ahead - self._mount.yaw + self._trim.yaw
         wanted = Angles(looks.pitch - self._mount.pitch + self._trim.pitch, wrapped(yaw))
         return self._step(self._limited(wanted), now)
 
-    def _smooth_turn(self, rate: float, now: HostNs) -> float:
-        """The vehicle's rate of turn without the noise of its attitudes."""
-        self._turn += self._share(TURN_TIME_S, now) * (rate - self._turn)
-        return self._turn
+    def _turn_rate(self, heading_now: float, at: HostNs) -> float:
+        """The vehicle's rate of turn by its headings of the last TURN_NS, rad/s; 0 before two of them."""
+        headings = self._headings
+        if not headings or at > headings[-1][0]:
+            headings.append((at, heading_now))
+        while len(headings) > 2 and headings[1][0] <= at - TURN_NS:
+            headings.popleft()
+        began_ns, began = headings[0]
+        return wrapped(heading_now - began) / ((at - began_ns) * 1e-9) if at > began_ns else 0.0
 
     def _vehicle_ned(self, state: VehicleState, state_ns: HostNs, now: HostNs) -> Vector3 | None:
         """The vehicle's place now, without the noise of its positions; None where it is not known."""
