@@ -41,7 +41,7 @@ class End(StrEnum):
     REFUSED = "refused"
 
 
-class Refusal(StrEnum):
+class SelectionRefusal(StrEnum):
     """Reason why a selection does not permit to act."""
 
     NOT_FLYING = "select the target in flight"
@@ -78,7 +78,7 @@ class Permission:
         """Instant at which the station's silence ends the permission."""
         return None if self._heard_ns is None or self.selector is None else HostNs(self._heard_ns + SILENCE_NS)
 
-    def select(self, command: Command, autopilot: Autopilot | None, now: HostNs) -> Refusal | None:
+    def select(self, command: Command, autopilot: Autopilot | None, now: HostNs) -> SelectionRefusal | None:
         """Take a selection that was obeyed; a refusal leaves no permission.
 
         Without a key it counts on a gcs link, and from the autopilot itself, which forwards what its own links bring. A
@@ -90,9 +90,9 @@ class Permission:
             autopilot.component,
         )
         if not (self._signed or by_autopilot or command.link in self._gcs_links):
-            return Refusal.UNTRUSTED
+            return SelectionRefusal.UNTRUSTED
         if not self.flies:
-            return Refusal.NOT_FLYING
+            return SelectionRefusal.NOT_FLYING
         self.selector, self._heard_ns = Selector(command.system, command.component), now
         return None
 

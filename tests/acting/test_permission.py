@@ -3,7 +3,7 @@
 import pytest
 from acting_world import AUTOPILOT, CRITICAL, STANDBY, STATION, T0, S, click, heartbeat, message, options
 
-from fwav_companion.acting.permission import End, Permission, Refusal
+from fwav_companion.acting.permission import End, Permission, SelectionRefusal
 
 
 def flying(**changes):
@@ -26,8 +26,8 @@ def test_nothing_is_permitted_without_a_selection():
     ("link", "sender", "signed", "refusal"),
     [
         ("ground", STATION, False, None),
-        ("fc", STATION, False, Refusal.UNTRUSTED),  # a station behind the autopilot, unsigned
-        ("gimbal", (1, 154), False, Refusal.UNTRUSTED),
+        ("fc", STATION, False, SelectionRefusal.UNTRUSTED),  # a station behind the autopilot, unsigned
+        ("gimbal", (1, 154), False, SelectionRefusal.UNTRUSTED),
         ("fc", (1, 1), False, None),  # the autopilot forwards it as its own
         ("gimbal", (1, 1), True, None),
         ("fc", STATION, True, None),  # with a key, what was obeyed was signed
@@ -47,7 +47,7 @@ def test_selection_before_the_take_off_does_not_count(before):
     permission = Permission(options())
     for each in [heartbeat(), *before] if before else []:
         permission.on_message(each, AUTOPILOT, T0)
-    assert permission.select(click(), AUTOPILOT, T0) is Refusal.NOT_FLYING
+    assert permission.select(click(), AUTOPILOT, T0) is SelectionRefusal.NOT_FLYING
     assert permission.selector is None
 
 
