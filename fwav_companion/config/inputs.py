@@ -128,7 +128,7 @@ class MountConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a gimbal's reported roll and pitch count from the horizon; ``auto``: by its flags, checked by the motion;
     false: they count from the body."""
     gimbal_delay_s: Annotated[float, Meta(ge=0, le=1)] = 0.0
-    """Age of a gimbal's attitude at its stamp, seconds; the rest is estimated with self-calibration, sigma 0.05."""
+    """Age of a gimbal's attitude at its stamp, seconds; its sigma is 0.05."""
 
     @property
     def angles(self) -> Vector3:

@@ -68,7 +68,7 @@ def test_between_two_messages_it_is_where_slerp_has_it():
 
 
 def test_attitude_that_is_old_at_its_stamp_is_that_of_an_earlier_instant():
-    late = Gimbal(154, delay_ns=80_000_000)
+    late = Gimbal(154, delay_s=0.08)
     for k in range(26):
         late.on_message(fields(0.2 * k, quaternion(look(0.2 * k - 0.08))), HostNs(round(0.2e9 * k)))
     w, x, y, z = asked(late, 4.1).ned_from_gimbal

@@ -108,7 +108,9 @@ def test_each_reason_is_of_frames_of_detections_or_of_tracks():
     """A new reason needs its place in FRAME_REASONS, or in one of these."""
     detections = {
         "not_finite", "outside_image", "low_score", "other_label", "no_attitude", "stale_attitude", "attitude_gap",
-        "before_history", "no_gimbal", "stale_gimbal", "no_position", "outside_lens", "above_horizon", "too_shallow",
+        "before_history", "no_gimbal", "stale_gimbal", "gimbal_flags",
+        "gimbal_gap", "gimbal_horizon", "gimbal_setpoint",
+        "no_position", "outside_lens", "above_horizon", "too_shallow",
         "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "no_terrain",
         "terrain_unfit", "two_grounds", "no_pose",
         "weak_evidence",
