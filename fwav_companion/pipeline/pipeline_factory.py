@@ -141,6 +141,7 @@ def make_pipeline(
         default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
         attitude_message=config.vehicle.attitude_message,
         component=component,
+        follows=config.act is not None and config.act.follow_target,
     )
     rates.gate = timesync.leaves_link_free
     components = Components(

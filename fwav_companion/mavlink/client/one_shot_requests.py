@@ -20,9 +20,11 @@ LANDING_PARAMETERS = (
 )
 """Parameters of ArduPilot's AC_PrecLand: whether it uses LANDING_TARGET, with which delay, and which offsets it adds.
 Read by ``check``."""
-PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", "FOLL_SYSID", *LANDING_PARAMETERS)
-"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, whom it follows, and precision
-landing. Fifteen requests at once fit its queue of 20 (GCS_Param.cpp)."""
+PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", *LANDING_PARAMETERS)
+"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, and precision landing. Fourteen
+requests at once, and one for FOLLOWED, fit its queue of 20 (GCS_Param.cpp)."""
+FOLLOWED = "FOLL_SYSID"
+"""System that ArduPilot follows: asked for where this service sends FOLLOW_TARGET."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3
 """Rounds of requests: a copter has no PTCH_TRIM_DEG, and does not answer a request for it."""
@@ -31,14 +33,16 @@ PARAMETER_ROUNDS = 3
 class OneShotRequests:
     """Sends REQUEST_MESSAGE until each message is heard, and PARAM_REQUEST_READ at most three times."""
 
-    def __init__(self, component: int):
+    def __init__(self, component: int, *, follows: bool = False):
+        """``follows``: this service sends FOLLOW_TARGET."""
         self._component = component
+        self._names = (*PARAMETERS, FOLLOWED) if follows else PARAMETERS
         self._autopilot: Autopilot | None = None
         self._seldom_ns: dict[str, HostNs] = {}
         self._round_ns: HostNs | None = None
         self._rounds = 0
         self.parameters: dict[str, float] = {}
-        """Values of :data:`PARAMETERS` that the autopilot has reported since it started."""
+        """Values of parameters that the autopilot has reported since it started."""
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -60,7 +64,7 @@ class OneShotRequests:
         """Take a message of the autopilot: a parameter's value, or one of the requested messages."""
         if message.name == "PARAM_VALUE":
             name, value = message.fields.param_id, message.fields.param_value
-            if name in PARAMETERS and isfinite(value):
+            if name in self._names and isfinite(value):
                 self.parameters[name] = value
         else:
             self._seldom_ns.pop(message.name, None)
@@ -80,7 +84,7 @@ class OneShotRequests:
     def _ask_parameters(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         if self._round_ns is None or now < self._round_ns:
             return []
-        missing = [name for name in PARAMETERS if name not in self.parameters]
+        missing = [name for name in self._names if name not in self.parameters]
         self._rounds += 1
         over = not missing or self._rounds >= PARAMETER_ROUNDS
         self._round_ns = None if over else HostNs(now + PARAMETER_PAUSE_NS)

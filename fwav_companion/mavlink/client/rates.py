@@ -43,13 +43,22 @@ MAX_NAMED = 32
 class Rates:
     """The loop: pass in every message and each wake, send the returned messages."""
 
-    def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
-        """Start without an autopilot. ``wanted``: hertz by message name, the most important first."""
+    def __init__(
+        self,
+        wanted: Mapping[str, float],
+        *,
+        attitude_message: str = "auto",
+        component: int = 191,
+        follows: bool = False,
+    ):
+        """Start without an autopilot. ``wanted``: hertz by message name, the most important first. ``follows``: this
+        service sends FOLLOW_TARGET.
+        """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitude_message = attitude_message
         self._autopilot: Autopilot | None = None
         self._now = self._heard_ns = self._check_ns = self._gate_ns = HostNs(0)
-        self._one_shots = OneShotRequests(component)
+        self._one_shots = OneShotRequests(component, follows=follows)
         self._competitors = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
