@@ -71,12 +71,16 @@ class Clock:
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """Host instant of an autopilot instant; NO_CLOCK while nothing is known."""
-        host_ns = self._used.host_from_boot(boot_ns)
+        used = self._used
+        if not used.segments:
+            return UNKNOWN if used.line is None else used.line.host_from_boot(boot_ns)
+        host_ns = used.host_from_boot(boot_ns)
         return UNKNOWN if host_ns is None else host_ns
 
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
         """Autopilot instant of a host instant; NO_CLOCK while nothing is known."""
-        line = self._used.line_at(host_ns)
+        used = self._used
+        line = used.line_at(host_ns) if used.segments else used.line
         return UNKNOWN if line is None else BootNs(host_ns - line.offset_ns_at(host_ns))
 
     def sigma_s_at(self, host_ns: HostNs) -> float:
@@ -85,7 +89,8 @@ class Clock:
 
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
-        line = self._used.line_at(host_ns)
+        used = self._used
+        line = used.line_at(host_ns) if used.segments else used.line
         return 1.0 if line is None or not is_notable(line) else 1.0 - line.skew
 
     def estimate(self, now: HostNs) -> ClockEstimate:

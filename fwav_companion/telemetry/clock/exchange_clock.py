@@ -40,6 +40,7 @@ class ExchangeClock:
         "_window",
         "accepted",
         "line",
+        "newest_ns",
         "segment",
         "suspect_s",
     )
@@ -52,6 +53,8 @@ class ExchangeClock:
         self._ref_host_ns: HostNs | None = None
         self._ref_offset_ns = 0
         self.line: ClockLine | None = None
+        self.newest_ns: HostNs | None = None
+        """Middle of the newest exchange that was used."""
         self.segment = 0
         """Number of steps so far: it grows with each new segment."""
         self.accepted = 0
@@ -86,11 +89,6 @@ class ExchangeClock:
     def segment_ns(self) -> HostNs:
         """First exchange of the segment."""
         return self._host_ns(self._locked.segment_t)
-
-    @property
-    def newest_ns(self) -> HostNs | None:
-        """Middle of the newest exchange that was used."""
-        return None if self._window is None else self._host_ns(self._window.newest.t)
 
     @property
     def best_trip_s(self) -> float | None:
@@ -203,8 +201,9 @@ class ExchangeClock:
     def _use(self, window: ExchangeWindow) -> bool:
         """Use the line of this window."""
         fit = window.fit
+        self.newest_ns = self._host_ns(window.newest.t)
         self.line = ClockLine(
-            ref_host_ns=self._host_ns(window.newest.t),
+            ref_host_ns=self.newest_ns,
             offset_ns=self._ref_offset_ns + round(fit[0] * NS_PER_S),
             skew=fit[1],
             var_offset=fit[2],

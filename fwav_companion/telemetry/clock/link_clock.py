@@ -41,14 +41,17 @@ class Segment(msgspec.Struct, frozen=True, gc=False):
 class LinkClock:
     """Estimate of the clock behind one link, now and at recent instants."""
 
-    __slots__ = ("_answered", "_arrivals", "_asked_ns", "_exchanges", "_rate", "_segments", "_watch")
+    __slots__ = ("_answered", "_arrivals", "_asked_ns", "_exchanges", "_rate", "_watch", "line", "segments")
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self._exchanges = ExchangeClock()
         self._arrivals = ArrivalEnvelope(rate)
         self._watch = ArrivalWatch()
-        self._segments: list[Segment] = []
+        self.segments: list[Segment] = []
+        """Earlier segments that are still known, the oldest first."""
+        self.line: ClockLine | None = None
+        """The line in use; None before there is an estimate. Kept, because each frame asks for it six times."""
         self._answered = False
         self._asked_ns: HostNs | None = None
 
@@ -56,6 +59,7 @@ class LinkClock:
         """Note that a request was sent: arrivals alone are not used for a second, because its answer is better."""
         if self._asked_ns is None:
             self._asked_ns = now
+            self._choose_line()
 
     @property
     def exchanges(self) -> ExchangeClock:
@@ -64,6 +68,11 @@ class LinkClock:
 
     def on_exchange(self, exchange: ClockExchange) -> Segment | None:
         """Take an answered request. Returns the segment that it ended, if it did."""
+        ended = self._insert(exchange)
+        self._choose_line()
+        return ended
+
+    def _insert(self, exchange: ClockExchange) -> Segment | None:
         exchanges = self._exchanges
         before, segment, accepted = exchanges.line, exchanges.segment, exchanges.accepted
         self._answered = True
@@ -76,7 +85,7 @@ class LinkClock:
         line = exchanges.line
         assert line is not None  # noqa: S101  (the segment has one)
         ended = self._ended(before, line)
-        self._segments = [*self._segments[1 - SEGMENTS :], ended]
+        self.segments = [*self.segments[1 - SEGMENTS :], ended]
         self._watch.restart()
         return ended
 
@@ -86,12 +95,16 @@ class LinkClock:
         if line is None or not self._answered:
             self._arrivals.watch(stamp_ns, arrival_ns)
             self._arrivals.insert(stamp_ns, arrival_ns)
-        return self._watch.insert(stamp_ns, arrival_ns, line)
+        contradicts = self._watch.insert(stamp_ns, arrival_ns, line)
+        if line is None or self.line is not line or self._watch.departure_s > 0.0:
+            self._choose_line()
+        return contradicts
 
     def skip(self) -> None:
         """Forget the arrivals: the stamps continue far ahead of their expected values."""
         self._arrivals = ArrivalEnvelope(self._rate)
         self._watch.restart()
+        self._choose_line()
 
     @property
     def in_doubt(self) -> bool:
@@ -104,28 +117,20 @@ class LinkClock:
         return self.in_doubt or self._exchanges.wants_more
 
     @property
-    def line(self) -> ClockLine | None:
-        """The line in use; None before there is an estimate."""
-        exchanges = self._exchanges.line
-        if exchanges is None:
-            return None if self._awaits_exchanges else self._arrivals.line
-        return self._outlived(exchanges) or exchanges
-
-    @property
     def by_exchanges(self) -> bool:
         """Whether the line in use is that of exchanges."""
         return self._exchanges.line is not None and self.line is self._exchanges.line
 
     def line_at(self, host_ns: HostNs) -> ClockLine | None:
         """The line that held at this host instant."""
-        for segment in self._segments:
+        for segment in self.segments:
             if host_ns < segment.until_ns:
                 return segment.line
         return self.line
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | None:
         """Host instant of an autopilot instant; None before there is an estimate."""
-        for segment in self._segments:
+        for segment in self.segments:
             host_ns = segment.line.host_from_boot(boot_ns)
             if host_ns < segment.until_ns:
                 return host_ns
@@ -138,11 +143,11 @@ class LinkClock:
         if line is None:
             return inf
         variance = line.scatter(host_ns) + line.var_bias
-        if self._segments:
-            for segment in self._segments:
+        if self.segments:
+            for segment in self.segments:
                 if segment.agreed_ns < host_ns < segment.sure_ns:
                     variance += segment.step_s**2
-            if host_ns < self._segments[-1].until_ns:
+            if host_ns < self.segments[-1].until_ns:
                 return sqrt(variance)
         if line is not self._exchanges.line:
             return sqrt(variance + self._arrivals.late_s**2)
@@ -158,6 +163,14 @@ class LinkClock:
         if line is self._exchanges.line:
             return self._exchanges.bound_s(now) + self._doubt_s(now) - self._exchanges.suspect_s
         return max(self._arrivals.bound_s(now, line.offset_ns_at(now)), BEYOND_DOUBT * self.sigma_s(now))
+
+    def _choose_line(self) -> None:
+        """Use the line of exchanges, that of arrivals which outlived it, or that of arrivals alone."""
+        exchanges = self._exchanges.line
+        if exchanges is not None:
+            self.line = self._outlived(exchanges) or exchanges
+        else:
+            self.line = None if self._awaits_exchanges else self._arrivals.line
 
     @property
     def _awaits_exchanges(self) -> bool:
