@@ -171,15 +171,19 @@ class FramePlacer:
             return None
         return PictureRows(timing, both[0] - timing.first_row_ns, scaling)
 
-    def place(self, frame: Frame, clock: TwoClocks) -> Placement | Reason:
+    def place(self, frame: Frame, clock: TwoClocks) -> Placement | Reason:  # noqa: C901  (a loop in place of a call)
         """The placement of a frame, or the reason why it is refused as a whole."""
         if len(frame.detections) > MOST_DETECTIONS:
             return Reason.TOO_MANY_DETECTIONS
         scaling = scaling_from_size(frame.size, self._image_size)
         if isinstance(scaling, Reason):
             return scaling
-        if frame.detections and not any(isfinite(each.u) and isfinite(each.v) for each in frame.detections):
-            return Reason.NOT_FINITE  # before its stamp is remembered: a valid frame with this stamp may follow
+        for each in frame.detections:
+            if isfinite(each.u) and isfinite(each.v):
+                break
+        else:
+            if frame.detections:  # before its stamp is remembered: a valid frame with this stamp may follow
+                return Reason.NOT_FINITE
         key = _identity(frame)
         if key in self._seen:
             return Reason.DUPLICATE_FRAME

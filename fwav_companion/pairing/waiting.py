@@ -68,7 +68,10 @@ class WaitingFrames:
     @property
     def needs_clock(self) -> bool:
         """Whether a frame waits for the clock."""
-        return any(entry.needs_clock for entry in self._frames)
+        for entry in self._frames:  # noqa: SIM110  (a generator is a call more for each frame)
+            if entry.needs_clock:
+                return True
+        return False
 
     @property
     def detections(self) -> int:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
-from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import (
@@ -233,7 +233,7 @@ class CameraPipeline:
 
     def frame_age_s(self, now: HostNs) -> float:
         """Time since the newest frame arrived, seconds; infinite before the first."""
-        return inf if self._last_frame_ns is None else s_from_ns(now - self._last_frame_ns)
+        return inf if self._last_frame_ns is None else (now - self._last_frame_ns) * 1e-9
 
     def status(self) -> SightReport:
         """Part of the status: the ground, the content of frames, and why the newest one was refused."""

@@ -44,7 +44,10 @@ def trust_after(taken: Mapping[int, int], costs: Costs, frame: TracksAndFixes, i
 
     ``costs``: those of the places alone.
     """
-    if not [candidate for candidate in frame.candidates if candidate.detector_id is not None]:
+    for candidate in frame.candidates:
+        if candidate.detector_id is not None:
+            break
+    else:
         return NO_TRUST
     rivals = defaultdict[int, list[int]](list)
     for k, j in costs:

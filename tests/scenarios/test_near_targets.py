@@ -19,12 +19,12 @@ TEN = tuple(TargetOptions(label="target", north=3.0 * (k % 4) - 4.5, east=3.0 * 
 TWO = (TargetOptions(label="target", east=-0.75), TargetOptions(label="target", east=0.75))
 WRONG = pytest.mark.xfail(
     strict=True,
-    reason="three tracks for two targets, 0.9 m off at a claim of 0.1 m: the mount stays at 43 % of its prior",
+    reason="two targets are not told apart before the end: the mount stays at 52 % of its prior",
 )
 """One flight of 24 goes wrong. Which one depends on the phase at which positions sample the wing, and so on the
 instants of our requests: none to one at phases of 0 to 80 ms."""
 NEAR = [
-    pytest.param(seed, targets, marks=[WRONG] if (seed, name) == (2, "two") else [], id=f"{seed}-{name}")
+    pytest.param(seed, targets, marks=[WRONG] if (seed, name) == (11, "two") else [], id=f"{seed}-{name}")
     for seed in range(1, 13)
     for name, targets in (("three", THREE), ("two", TWO))
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.heartbeats import Heartbeats, autopilot_from_heartbeat
 from fwav_companion.mavlink.client.identity_events import (
     Adopted,
@@ -118,7 +118,7 @@ class Identity:
 
     def heard_age_s(self, now: HostNs) -> float | None:
         """Return the seconds since the last heartbeat of the adopted autopilot; None before the first."""
-        return None if self._heard_ns is None else s_from_ns(HostNs(now - self._heard_ns))
+        return None if self._heard_ns is None else (now - self._heard_ns) * 1e-9
 
     def heartbeat_overdue(self, now: HostNs) -> bool:
         """Return whether the adopted autopilot's heartbeat is late: it may be lost soon."""

@@ -6,7 +6,7 @@ from math import inf, sqrt
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.clock_line import ClockLine
-from fwav_companion.telemetry.clock.clock_news import ClockNews, ClockReports, is_notable
+from fwav_companion.telemetry.clock.clock_news import LEAST_REPORTED_RATE, ClockNews, ClockReports, is_notable
 from fwav_companion.telemetry.clock.link_clock import LinkClock
 from fwav_companion.types import ClockEstimate, ClockExchange, ClockStatus, Reason, Unpaired
 
@@ -91,7 +91,9 @@ class Clock:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
         used = self._used
         line = used.line_at(host_ns) if used.segments else used.line
-        return 1.0 if line is None or not is_notable(line) else 1.0 - line.skew
+        if line is None or abs(line.skew) <= LEAST_REPORTED_RATE or not is_notable(line):
+            return 1.0
+        return 1.0 - line.skew
 
     def estimate(self, now: HostNs) -> ClockEstimate:
         """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""

@@ -139,7 +139,7 @@ class LinkClock:
 
     def sigma_s(self, host_ns: HostNs) -> float:
         """One sigma of the offset at this host instant, seconds: infinite before there is an estimate."""
-        line = self.line_at(host_ns)
+        line = self.line_at(host_ns) if self.segments else self.line
         if line is None:
             return inf
         variance = line.scatter(host_ns) + line.var_bias
@@ -151,7 +151,9 @@ class LinkClock:
                 return sqrt(variance)
         if line is not self._exchanges.line:
             return sqrt(variance + self._arrivals.late_s**2)
-        return sqrt(variance + self._doubt_s(host_ns) ** 2)
+        exchanges, watch = self._exchanges, self._watch
+        quiet_s = watch.quiet_s(host_ns, exchanges.newest_ns)
+        return sqrt(variance + max(exchanges.suspect_s, watch.departure_s, quiet_s) ** 2)
 
     def bound_s(self, now: HostNs) -> float:
         """Bound of the offset's error, seconds; of an earlier segment its claim alone is left."""
