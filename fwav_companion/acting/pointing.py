@@ -12,7 +12,7 @@ from collections import deque
 from math import atan2, copysign, cos, hypot, pi, radians
 from typing import Final
 
-from fwav_companion.acting.aim import Angles, direction, heading, moved, seen_target_ned, wrapped
+from fwav_companion.acting.aim import Angles, direction, from_vehicle_ned, heading, moved, wrapped
 from fwav_companion.acting.options import ActOptions
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, norm, scale, subtract
@@ -27,7 +27,9 @@ TURN_NS: Final = 200 * NS_PER_MS
 """Time over which the vehicle's rate of turn is taken: over 10 ms the noise of two attitudes, 0.1 deg, would be 1 deg
 at the gimbal's arrival, over 200 ms it is 0.06 deg."""
 PLACE_TIME_S: Final = 0.5
-"""Time constant of the vehicle's place, which moves with its velocity: 0.3 m of noise are 1 deg at 20 m."""
+"""Time constant of the target's place from the vehicle, which moves with both velocities: 0.3 m of the vehicle's noise
+are 1 deg at 20 m, and an estimate that moves by 1 m within its claim would turn the gimbal by 3 deg before the picture
+can object."""
 PLACE_JUMP_M: Final = 3.0
 """Difference at which the place begins anew."""
 LONGEST_STEP_S: Final = 0.1
@@ -56,7 +58,7 @@ class Pointing:
         self._seen_ns: HostNs | None = None
         self._band = WIDEST_BAND
         self._headings: deque[tuple[HostNs, float]] = deque()
-        self._place: Vector3 | None = None
+        self._away: Vector3 | None = None
         self._last: tuple[HostNs, Angles] | None = None
         self.limits: tuple[Angles, Angles] | None = None
         """Least and largest pitch and yaw that the gimbal reports; None where unknown."""
@@ -71,7 +73,7 @@ class Pointing:
         """Begin from where the gimbal looks."""
         self._last = None if look is None else (now, look)
         self._trim, self._track, self._jumped, self._seen_ns = Angles(0.0, 0.0), None, None, None
-        self._place = None
+        self._away = None
         self._headings.clear()
         self.at_limit = False
 
@@ -82,7 +84,9 @@ class Pointing:
                 self._jumped = track
             if track.host_ns - self._jumped.host_ns < JUMP_HELD_NS:
                 return
-            self._trim = Angles(0.0, 0.0)
+            self._trim, self._away = Angles(0.0, 0.0), None
+        elif self._track is not None and track.id != self._track.id:
+            self._away = None
         self._track, self._jumped = track, None
         self._band = self._dead_band(track)
         if track.fix is not None:
@@ -94,10 +98,10 @@ class Pointing:
         if self._track is None or state is None:
             return None if self._last is None else self._last[1]
         arrival, state_ns = HostNs(now + ns_from_s(LEAD_S)), situation.host_ns_of(state)
-        vehicle = self._vehicle_ned(state, state_ns, now)
-        if vehicle is None:
+        away = self._away_ned(self._track, state, state_ns, now)
+        if away is None:
             return None if self._last is None else self._last[1]
-        looks = direction(subtract(seen_target_ned(self._track, arrival), moved(vehicle, state.velocity_ned, LEAD_S)))
+        looks = direction(moved(moved(away, self._track.velocity_ned, LEAD_S), state.velocity_ned, -LEAD_S))
         ahead = heading(state) + self._turn_rate(heading(state), state_ns) * (arrival - state_ns) * 1e-9
         yaw = looks.yaw - ahead - self._mount.yaw + self._trim.yaw
         wanted = Angles(looks.pitch - self._mount.pitch + self._trim.pitch, wrapped(yaw))
@@ -113,19 +117,18 @@ class Pointing:
         began_ns, began = headings[0]
         return wrapped(heading_now - began) / ((at - began_ns) * 1e-9) if at > began_ns else 0.0
 
-    def _vehicle_ned(self, state: VehicleState, state_ns: HostNs, now: HostNs) -> Vector3 | None:
-        """The vehicle's place now, without the noise of its positions; None where it is not known."""
-        if state.position_ned is None:
-            return None
-        reported = moved(state.position_ned, state.velocity_ned, (now - state_ns) * 1e-9)
-        if self._place is None or self._last is None:
-            self._place = reported
+    def _away_ned(self, track: Track, state: VehicleState, state_ns: HostNs, now: HostNs) -> Vector3 | None:
+        """The target minus the vehicle now, without the noise of both places; None where the vehicle's is unknown."""
+        reported = from_vehicle_ned(track, state, state_ns, now)
+        if reported is None or self._away is None or self._last is None:
+            self._away = reported
             return reported
-        expected = moved(self._place, state.velocity_ned, (now - self._last[0]) * 1e-9)
+        seconds = (now - self._last[0]) * 1e-9
+        expected = moved(moved(self._away, track.velocity_ned, seconds), state.velocity_ned, -seconds)
         off = subtract(reported, expected)
         share = self._share(PLACE_TIME_S, now) if norm(off) < PLACE_JUMP_M else 1.0
-        self._place = add(expected, scale(off, share))
-        return self._place
+        self._away = add(expected, scale(off, share))
+        return self._away
 
     def _share(self, time_s: float, now: HostNs) -> float:
         """Gain of a first-order low pass since the last command."""

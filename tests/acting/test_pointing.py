@@ -1,12 +1,12 @@
 """Where the gimbal has to look, and that it is not moved for nothing."""
 
 from itertools import pairwise
-from math import atan2, degrees, radians
+from math import atan2, cos, degrees, radians
 
 import pytest
 from acting_world import T0, S, a_track, options, situation, state
 
-from fwav_companion.acting.aim import Angles
+from fwav_companion.acting.aim import Angles, apart
 from fwav_companion.acting.gimbal_watch import GimbalWatch
 from fwav_companion.acting.pointing import Pointing
 
@@ -96,6 +96,27 @@ def test_jump_between_two_things_is_held_until_it_stays():
         last = made.command(situation(now))
     assert not made.holds
     assert degrees(last.yaw) == pytest.approx(degrees(atan2(12.0, 20.0)), abs=1.0)
+
+
+def test_estimate_that_moves_within_its_claim_leaves_the_target_in_the_middle():
+    """A static target's estimate moves by 2 m, 4 deg as the axis turns, while the picture shows the target where it was.
+
+    The picture turns the error away with a time constant of 0.5 s. The place has the same one, so that of a step of the
+    place at most the share 1/e is left, 1.5 deg.
+    """
+    made, middle = pointing(), Angles(radians(-45.0), 0.0)
+    look, errors = middle, []
+    for k in range(1, 161):
+        now = T0 + k * STEP
+        off_right, off_down = (middle.yaw - look.yaw) * cos(look.pitch), look.pitch - middle.pitch
+        place = (20.0, 0.0, 0.0) if k <= 80 else (20.0, 2.0, 0.0)
+        made.on_track(a_track(now, place, ray=(off_right, off_down, 1.0)))
+        look = made.command(situation(now))
+        errors.append(degrees(apart(look, middle)))
+    assert not made.holds
+    assert max(errors[:80]) < 0.4
+    assert 1.0 < max(errors[80:]) < 1.7
+    assert errors[-1] < 0.4
 
 
 def test_prediction_leads_a_vehicle_that_flies_past():
