@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from fwav_companion.config.inputs import NotNegative, Positive
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, Landmark
+from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GimbalSigmas, Landmark
 
 SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
 SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
@@ -141,19 +141,18 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
         where the camera looks straight down the first is the heading.
         """
         on_gimbal = gimbal_yaw_deg is not None
+        gimbal_heading, gimbal_delay_s = radians(gimbal_yaw_deg or 0.0), GIMBAL_DELAY_SIGMA_S if on_gimbal else 0.0
+        heading = radians(self.heading_bias_deg)
+        camera_delay_s = hypot(self.time_offset_sigma_s, STREAM_LATENCY_SIGMA_S if stream else 0.0)
         tilt = radians(self.attitude_bias_deg)
         sigmas = {
             Bias.ROLL: max(tilt, LEAST_TILT_SIGMA) if on_gimbal else tilt,
             Bias.PITCH: max(tilt, LEAST_TILT_SIGMA) if on_gimbal else tilt,
-            Bias.HEADING: hypot(radians(self.heading_bias_deg), radians(gimbal_yaw_deg or 0.0)),
+            Bias.HEADING: hypot(heading, gimbal_heading),
             Bias.MOUNT_X: radians(self.mount_bias_deg),
             Bias.MOUNT_Y: radians(self.mount_bias_deg),
             Bias.MOUNT_Z: hypot(radians(self.mount_bias_deg), tilt if on_gimbal else 0.0),
-            Bias.TIME_OFFSET: hypot(
-                self.time_offset_sigma_s,
-                STREAM_LATENCY_SIGMA_S if stream else 0.0,
-                GIMBAL_DELAY_SIGMA_S if on_gimbal else 0.0,
-            ),
+            Bias.TIME_OFFSET: hypot(camera_delay_s, gimbal_delay_s),
             Bias.READOUT: 0.0 if readout_known else READOUT_SIGMA_UNKNOWN_S,
             Bias.HEIGHT: self.height_bias_m,
             Bias.POSITION_NORTH: self.position_sigma_m,
@@ -165,12 +164,16 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.LEVER_Z: self.lever_arm_sigma_m,
             Bias.TARGET_HEIGHT: 1.0 if standing else 0.0,  # in units of the sigma of the label's height
         }
+        gimbal = GimbalSigmas(
+            heading=gimbal_heading, delay_s=gimbal_delay_s, vehicle_heading=heading, camera_delay_s=camera_delay_s
+        )
         return ErrorPriors(
             pixel_noise_px=self.pixel_noise_px,
             attitude_noise=radians(self.attitude_noise_deg),
             position_noise_m=self.position_noise_m,
             height_noise_m=self.height_noise_m,
             bias_sigmas=tuple(sigmas[Bias(i)] for i in range(BIAS_COUNT)),
+            gimbal=gimbal if on_gimbal else None,
             position_bias_time_s=UNKNOWN_TIMES_S[0]
             if self.position_bias_time_s == "auto"
             else self.position_bias_time_s,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from math import radians
 
 from fwav_companion import __version__
 from fwav_companion.acting.acting import Acting
@@ -235,17 +234,14 @@ def _tracker(
     options = tracking_options(config)
     landmarks = [landmark.known for landmark in config.landmark]
     if smoother is not None and isinstance(vehicle, Telemetry) and options.filter == "kalman":
-        mount = config.camera.mount
-        heading_sigma = radians(mount.gimbal_yaw_bias_deg) if mount.gimbal_device_id else None
         return smoothed_tracker(
             options,
             priors,
             vehicle,
             kept,
-            lever_m=mount.lever_arm_m,
+            lever_m=config.camera.mount.lever_arm_m,
             smoother=smoother,
             ground=ground.reference,
-            gimbal_heading_sigma=heading_sigma,
             landmarks=landmarks,
         )
     return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks)

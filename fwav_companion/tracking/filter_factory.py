@@ -74,12 +74,10 @@ def smoothed_tracker(
     lever_m: Vector3,
     smoother: SmootherOptions,
     ground: Callable[[], GroundReference],
-    gimbal_heading_sigma: float | None = None,
     landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
     """The tracker by the smoother, for static and moving targets. It needs numpy.
 
-    ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
     Moving targets are not smoothed yet: a second tracker treats all as static and calibrates.
     """
     from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
@@ -88,7 +86,7 @@ def smoothed_tracker(
     smoothed = SmoothedTracker(
         StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
         consider=not options.self_calibration, smoother=smoother, patience_ns=PATIENCE_NS if moving else 0,
-        landmarks=landmarks, ground=ground, gimbal_heading_sigma=gimbal_heading_sigma,
+        landmarks=landmarks, ground=ground,
     )  # fmt: skip
     return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed
 

@@ -51,6 +51,15 @@ class Bias(IntEnum):
 BIAS_COUNT = len(Bias)
 
 
+class GimbalSigmas(msgspec.Struct, frozen=True, kw_only=True):
+    """One sigma of a gimbal's own errors, and of those of vehicle and camera without them, radians and seconds."""
+
+    heading: float
+    delay_s: float
+    vehicle_heading: float
+    camera_delay_s: float
+
+
 class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
     """One sigma of every error of [uncertainty], in radians, metres and seconds."""
 
@@ -59,7 +68,9 @@ class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
     position_noise_m: float
     height_noise_m: float
     bias_sigmas: tuple[float, ...]
-    """One sigma of each :class:`Bias`."""
+    """One sigma of each :class:`Bias`; a gimbal's heading and delay are in those of the vehicle and of the camera."""
+    gimbal: GimbalSigmas | None = None
+    """Errors of the gimbal that carries the camera, for an estimator that knows them apart; None without one."""
     position_bias_time_s: float
     """Time constant of the position bias, seconds; the shortest likely one where it is not known."""
     position_wander_times_s: tuple[float, ...] = ()

@@ -99,7 +99,7 @@ def test_jump_between_two_things_is_held_until_it_stays():
 
 
 def test_estimate_that_moves_within_its_claim_leaves_the_target_in_the_middle():
-    """A static target's estimate moves by 2 m, 4 deg as the axis turns, while the picture shows the target where it was.
+    """A static estimate moves by 2 m, 4 deg as the axis turns, while the picture shows the target where it was.
 
     The picture turns the error away with a time constant of 0.5 s. The place has the same one, so that of a step of the
     place at most the share 1/e is left, 1.5 deg.

@@ -6,11 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
+from fwav_companion.config.estimation import UncertaintyConfig
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
     CAMERA_DELAY,
     GIMBAL_DELAY,
     GIMBAL_HEADING,
+    HEADING,
     LEVER,
     MOUNT,
     POSITION_DELAY,
@@ -130,7 +132,7 @@ def test_tangents_standardise_a_pixel_error_of_one_sigma():
     assert (found.t[0], found.row[0], found.frame[0]) == (2.0, 0.25, 7)
 
 
-UNCERTAIN = SimpleNamespace(sigma=lambda bias: 1.0)
+UNCERTAIN = SimpleNamespace(sigma=lambda bias: 1.0, gimbal=None)
 
 
 def kept(**more):
@@ -172,9 +174,13 @@ def test_kept_calibration_with_half_a_value_is_not_sound(more):
     assert not kept(**more).is_sound
 
 
-def test_gimbal_has_two_more_parameters():
-    found = shared_priors(UNCERTAIN, None, np.radians(3.0))
+def test_gimbal_has_two_more_parameters_that_are_counted_once():
+    table = UncertaintyConfig(heading_bias_deg=2.0, time_offset_sigma_s=0.01)
+    fixed = shared_priors(table.priors(readout_known=True, surveyed=False), None)
+    found = shared_priors(table.priors(readout_known=True, surveyed=False, gimbal_yaw_deg=3.0), None)
     assert found.sigma[[GIMBAL_HEADING, GIMBAL_DELAY]] == pytest.approx([np.radians(3.0), 0.05])
+    assert found.sigma[[HEADING, CAMERA_DELAY]] == pytest.approx([np.radians(2.0), 0.01])
+    assert fixed.sigma[[HEADING, CAMERA_DELAY]] == pytest.approx([np.radians(2.0), 0.01])
 
 
 def test_positions_after_a_jump_begin_a_new_piece():

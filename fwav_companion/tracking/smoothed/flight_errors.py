@@ -47,24 +47,23 @@ _SOURCES = {
 
 GRASS_M = 0.1
 """Least roughness of the ground under a rangefinder's beam."""
-GIMBAL_DELAY_SIGMA_S = 0.05
-"""One sigma of the age of a gimbal's attitude against its stamp."""
 
 
-def shared_priors(
-    priors: ErrorPriors, kept: KeptCalibration | None, gimbal_heading_sigma: float | None = None
-) -> SharedPriors:
+def shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> SharedPriors:
     """Priors of the shared parameters. ``kept``: a calibration of an earlier flight; what it lacks has its prior.
 
-    A kept mount is a correction (true minus configured); the smoother's errors are reported minus true.
-    ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None without one.
+    A kept mount is a correction (true minus configured); the smoother's errors are reported minus true. A gimbal's
+    heading and delay are parameters of their own here, so that the vehicle's heading and the camera's delay count
+    without them.
     """
-    size = BODY_SHARED if gimbal_heading_sigma is None else GIMBAL_SHARED
+    gimbal = priors.gimbal
+    size = BODY_SHARED if gimbal is None else GIMBAL_SHARED
     mean, sigma = np.zeros(size), np.zeros(size)
     for index, bias in _SOURCES.items():
         sigma[index] = priors.sigma(bias)
-    if gimbal_heading_sigma is not None:
-        sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal_heading_sigma, GIMBAL_DELAY_SIGMA_S
+    if gimbal is not None:
+        sigma[HEADING], sigma[CAMERA_DELAY] = gimbal.vehicle_heading, gimbal.camera_delay_s
+        sigma[GIMBAL_HEADING], sigma[GIMBAL_DELAY] = gimbal.heading, gimbal.delay_s
     configured = SharedPriors(mean, sigma)
     if kept is None:
         return configured

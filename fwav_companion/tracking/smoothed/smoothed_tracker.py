@@ -112,19 +112,16 @@ class SmoothedTracker(Tracker):
         self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
         kept: KeptCalibration | None = None, consider: bool = False, smoother: SmootherOptions | None = None,
         patience_ns: int = 0, landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
-        gimbal_heading_sigma: float | None = None,
     ) -> None:  # fmt: skip
         """``consider``: no self-calibration; the priors of all parameters count in every covariance.
 
         ``smoother``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
-        ``gimbal_heading_sigma``: one sigma of the heading of the gimbal that carries the camera, radians; None: the
-        camera is fixed to the body.
         """
         super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
         self._priors, self._consider, self._smoother = priors, consider, smoother or SmootherOptions()
-        self._start = shared_priors(priors, kept, gimbal_heading_sigma)
+        self._start = shared_priors(priors, kept)
         self._known, self._ground = tuple(landmarks), ground
-        self._samples = FlightSamples(source, lever_m, priors, has_gimbal=gimbal_heading_sigma is not None)
+        self._samples = FlightSamples(source, lever_m, priors, has_gimbal=priors.gimbal is not None)
         self._smoothing = self._begin_smoothing()
         self._answers: FrameAnswers | None = None
         self._sights: Sightings | None = None
