@@ -36,6 +36,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
+from fwav_companion.estimation.target_answers import moving_answer, static_answers
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
@@ -53,7 +54,6 @@ _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for
 SOLVED_TARGETS = 24  # columns of a solve are bounded; the best seen are in it
 _REPLAYED = 300  # frames between a solve's start and its take-over
 _ATTITUDE_MARGIN_S, _PRUNE_S, _PRUNED_AGE_S = 1.0, 30.0, 40.0
-_AT_REST, _NO_SPREAD = np.zeros(2), np.zeros((2, 2))
 
 
 class Estimator:
@@ -273,60 +273,11 @@ class Estimator:
         if live is None:
             return None
         if target in self.moving:
-            position, velocity = self._vehicle(t)
-            return self._moving_answer(live, self.moving[target], t, position, velocity)
+            return moving_answer(live, self.moving[target], t)
         answers = self._answers
         if answers is None or answers[:3] != (live, live.version, t):
-            answers = self._answers = live, live.version, t, self._static_answers(live, t)
+            answers = self._answers = live, live.version, t, static_answers(live, t)
         return answers[3].get(target)
-
-    def _static_answers(self, live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
-        """All static targets at the instant t: together they cost little more than one."""
-        position, velocity = self._vehicle(t)
-        rows, added = live.vehicle_rows(t, velocity)
-        (level, _), (up, _) = self.carrier.path.noise
-        vehicle = position - rows @ live.mean
-        rows[2, HEIGHT] = 1.0
-        vehicle[2] -= live.mean[HEIGHT]
-        common = rows @ live.covariance @ rows.T + np.diag(added + np.array([level, level, up]) ** 2)
-        place, covariance, cross = live.places()
-        ground, slope = self.model.ground.height(place[:, :2].T)
-        place[:, 2] += ground
-        own, seen = covariance, cross @ rows.T  # (T, 3, 3) each
-        if slope.any():
-            lift = np.tile(np.eye(3), (len(place), 1, 1))
-            lift[:, 2, :2] = slope.T
-            own, seen = lift @ own @ lift.swapaxes(1, 2), lift @ seen
-        relative = own + seen + seen.swapaxes(1, 2) + common
-        return {
-            k: TargetAnswer(place[i], own[i], place[i] - vehicle, relative[i], _AT_REST, _NO_SPREAD)
-            for i, k in enumerate(live.targets.tolist())
-        }
-
-    def _moving_answer(
-        self, live: LiveFilter, moving: MovingTarget, t: float, position: Array, velocity: Array
-    ) -> TargetAnswer:
-        level, level_covariance = moving.relative(live, t, position[:2], velocity[:2])
-        e = live.error
-        place = level + position[:2] + velocity[:2] * live.mean[8] - live.mean[e : e + 2]
-        ground = float(self.model.ground.height(place[:, None])[0][0])
-        covariance, relative = np.zeros((3, 3)), np.zeros((3, 3))
-        covariance[:2, :2] = level_covariance + live.covariance[e : e + 2, e : e + 2]
-        relative[:2, :2] = level_covariance
-        height = np.zeros(len(live.mean))
-        height[[HEIGHT, e + 2]] = 1.0
-        relative[2, 2] = float(height @ live.covariance @ height) + self.carrier.path.noise.up[0] ** 2
-        up = ground - float(position[2] - height @ live.mean)
-        return TargetAnswer(
-            np.append(place, ground), covariance, np.append(level, up), relative, moving.state[2:].copy(),
-            moving.own[2:, 2:].copy(),
-        )  # fmt: skip
-
-    def _vehicle(self, t: float) -> tuple[Array, Array]:
-        """Reported position (3,) and velocity (3,) at t, carried on by the velocity beyond the newest sample."""
-        last = min(t, self.carrier.path.newest)
-        position, velocity, _ = self.carrier.path.at(np.array([last]))
-        return position[:, 0] + velocity[:, 0] * (t - last), velocity[:, 0]
 
     def self_calibration(self) -> tuple[ParameterStatus, ...]:
         """Status of every shared parameter, by the live posterior."""

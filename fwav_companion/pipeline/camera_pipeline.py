@@ -14,7 +14,6 @@ from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import (
-    PairedFrame,
     Pairer,
     RefusedFrame,
     VehicleSource,
@@ -29,7 +28,6 @@ from fwav_companion.pipeline.landmark_shift import LandmarkShift
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
-from fwav_companion.recording.lines import sighting_line
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled, Tracker
@@ -40,7 +38,6 @@ from fwav_companion.types import (
     FrameView,
     GroundFix,
     LandmarkRecord,
-    NoFix,
     NoFrame,
     Reason,
     Sighting,
@@ -303,7 +300,7 @@ class CameraPipeline:
             # A second copy of a picture that was used is no trouble; a stamp that stands still is.
             copied = paired.reason is Reason.DUPLICATE_FRAME and now - self._used_ns < USED_NS
             self.refused = self.refused if copied else paired.reason
-            self._refuse(paired)
+            self._target_log.refuse(paired, with_lines=self._sightings)
             return None
         self.refused, self._used_ns = None, now
         # Frames that waited for the clock are used together, but did not arrive together.
@@ -334,25 +331,8 @@ class CameraPipeline:
         if isinstance(tracks, NoFrame):
             self._target_log.drop_frames(tracks.reason)
             return None
-        self._count(paired, located)
+        self._target_log.count(paired, located)
         self._last_view = view
         if self._sightings:
             self._target_log.keep_sightings(view.host_ns, view.frame, sighting_lines(paired, located))
         return ProcessedFrame(tracks, paired.view.pixel_of if paired.view is not None else None)
-
-    def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
-        for _, reason, _ in paired.refused:
-            self._target_log.drop_detection(reason)
-        for fix in located:
-            if isinstance(fix, NoFix):
-                self._target_log.drop_detection(fix.reason)
-            else:
-                self._target_log.fixes += 1
-
-    def _refuse(self, refused: RefusedFrame) -> None:
-        self._target_log.drop_frames(refused.reason)
-        if self._sightings:
-            for index in range(refused.detections):
-                self._target_log.write(
-                    sighting_line(refused.number, index, sighting=None, fix=None, reason=refused.reason, gap_s=None)
-                )

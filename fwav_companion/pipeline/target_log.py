@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.pairing import PairedFrame
+from fwav_companion.pairing import PairedFrame, RefusedFrame
 from fwav_companion.recording.lines import Line, header_line, origin_line, sighting_line, target_line, unix_seconds
 from fwav_companion.tracking import Settled
 from fwav_companion.types import GroundFix, NoFix, Notice, NoticeCode, Reason, Track, TrackState
@@ -76,6 +76,22 @@ class TargetLog:
     def drop_detection(self, reason: Reason, count: int = 1) -> None:
         """Count refused detections of a frame that was used."""
         self._dropped_detections[reason] += count
+
+    def count(self, paired: PairedFrame, located: Sequence[GroundFix | NoFix]) -> None:
+        """Count the fixes of a frame that was used, and its refused detections."""
+        for _, reason, _ in paired.refused:
+            self.drop_detection(reason)
+        for fix in located:
+            if isinstance(fix, NoFix):
+                self.drop_detection(fix.reason)
+            else:
+                self.fixes += 1
+
+    def refuse(self, refused: RefusedFrame, *, with_lines: bool) -> None:
+        """Count a frame that was refused as a whole. ``with_lines``: and write a line for each of its detections."""
+        self.drop_frames(refused.reason)
+        for index in range(refused.detections if with_lines else 0):
+            self.write(sighting_line(refused.number, index, sighting=None, fix=None, reason=refused.reason, gap_s=None))
 
     def begin(self, origin: Geodetic | None) -> None:
         """Write the header; a later origin gets a line of its own."""
