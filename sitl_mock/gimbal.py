@@ -113,9 +113,9 @@ class Gimbal:
         if self._motor.moves:
             pitch, yaw = self._motor.at(t)
             return pitch - radians(self._biases.attitude_pitch_deg), yaw - radians(self._biases.gimbal_yaw_deg)
-        w = 2.0 * pi * SWING_HZ
-        pitch_deg = self._o.pitch_deg + self._o.swing_deg * sin(w * t)
-        return radians(pitch_deg), radians(self._o.yaw_deg + self._o.swing_deg * cos(0.7 * w * t))
+        w, swing_deg = 2.0 * pi * SWING_HZ, 0.0 if self._o.frozen else self._o.swing_deg
+        pitch_deg = self._o.pitch_deg + swing_deg * sin(w * t)
+        return radians(pitch_deg), radians(self._o.yaw_deg + swing_deg * cos(0.7 * w * t))
 
     def _fresh(self) -> float:
         return radians(self._rng.gauss(0.0, self._noise)) if self._noise else 0.0

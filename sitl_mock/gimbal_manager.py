@@ -21,7 +21,7 @@ from sitl_mock.radio import Radio
 ACCEPTED, DENIED, FAILED = 0, 2, 4
 ROI_LOCATION, ROI_NONE, PITCHYAW, CONFIGURE = 195, 197, 1000, 1001
 INFORMATION, STATUS = 280, 281
-YAW_LOCK = 16
+NEUTRAL, ROLL_AND_PITCH_LOCK, YAW_LOCK = 2, 12, 16
 HAS_PITCH_AND_YAW = 32 | 128 | 256 | 512 | 1024
 ME, UNCHANGED, NOT_ME = -2, -1, -3
 PITCH_LIMITS, YAW_LIMITS = (radians(-90.0), radians(30.0)), (-pi, pi)
@@ -45,12 +45,13 @@ class GimbalManager:
         """Commands that were not obeyed."""
         self.commands: list[tuple[float, float, float]] = []
         """(flight time, pitch, yaw) of each command that was obeyed, radians."""
-        self._stick_moved = False
+        self._stick_moved = self._is_neutral = False
 
     def start(self, at_ns: int) -> None:
         """Begins to send the status."""
         self._agenda.at(at_ns, self._say_status)
-        for seconds, act in ((self._o.taken_at_s, self._be_taken), (self._o.stick_at_s, self._move_by_stick)):
+        acts = ((self._o.taken_at_s, self._be_taken), (self._o.stick_at_s, self._move_by_stick))
+        for seconds, act in (*acts, (self._o.neutral_at_s, self._go_neutral)):
             if seconds:
                 self._agenda.at(at_ns + round(seconds * 1e9), act)
 
@@ -82,7 +83,7 @@ class GimbalManager:
     def _point(self, pitch: float, yaw: float, flags: int, now_ns: int) -> None:
         if self._stick_moved:
             return
-        t = self._flight_s(now_ns)
+        t, self._is_neutral = self._flight_s(now_ns), False
         if flags & YAW_LOCK:
             yaw -= self._belief.gimbal.own_heading(t)
         pitch = max(PITCH_LIMITS[0], min(PITCH_LIMITS[1], pitch))
@@ -146,6 +147,12 @@ class GimbalManager:
         self._belief.gimbal.command((pitch, yaw + radians(STICK_DEG)), t)
         self._stick_moved = True
 
+    def _go_neutral(self, now_ns: int) -> None:
+        """The pilot sends the gimbal ahead; the next command would move it again, as ArduPilot's would."""
+        self._belief.gimbal.command((0.0, 0.0), self._flight_s(now_ns))
+        self._is_neutral = True
+        self._status(now_ns)
+
     def _say_status(self, at_ns: int) -> None:
         self._status(at_ns)
         self._agenda.at(at_ns + STATUS_EVERY_NS, self._say_status)
@@ -153,7 +160,7 @@ class GimbalManager:
     def _status(self, now_ns: int) -> None:
         fields = {
             "time_boot_ms": self._boot_ms(now_ns),
-            "flags": 12,
+            "flags": ROLL_AND_PITCH_LOCK | (NEUTRAL if self._is_neutral else 0),
             "gimbal_device_id": self._device,
             "primary_control_sysid": self.primary[0],
             "primary_control_compid": self.primary[1],

@@ -220,6 +220,8 @@ class GimbalOptions:
     """Time at which another station takes the control; 0: never."""
     stick_at_s: float = 0.0
     """Time at which the pilot's stick turns it aside; 0: never."""
+    neutral_at_s: float = 0.0
+    """Time at which the pilot sends it to its neutral position; 0: never."""
     second_id: int = 0
     """Component of a second gimbal, which carries nothing and looks elsewhere; 0: none."""
     pitch_deg: float = -60.0

@@ -25,7 +25,9 @@ POINTING_NS: Final = 50 * NS_PER_MS
 """Interval of the gimbal's commands: managers take 10 to 20 Hz."""
 TICK_NS: Final = 100 * NS_PER_MS
 """Interval at which the others look whether they are due."""
-ONLY_POINTING: Final = frozenset({End.MODE_CHANGED, End.CONTROL_TAKEN, End.STICK, End.GIMBAL_STUCK, End.REFUSED})
+ONLY_POINTING: Final = frozenset(
+    {End.MODE_CHANGED, End.GIMBAL_MODE, End.CONTROL_TAKEN, End.STICK, End.GIMBAL_STUCK, End.REFUSED}
+)
 """Ends of the pointing that leave FOLLOW_TARGET alone."""
 MOST_NOTICES: Final = 64
 
@@ -167,6 +169,7 @@ class Acting:
             return requests
         now, at_limit = situation.now_ns, self._pointing.at_limit
         self._watch.on_command(command, look, now, at_limit=at_limit)
+        self._pointing.trims = not self._watch.is_away
         stuck = self._watch.stuck(command, now)
         if stuck is not None:
             self._end(End.GIMBAL_STUCK, now, stuck)
@@ -201,13 +204,15 @@ class Acting:
         return sent
 
     def _judge_control(self, now: HostNs) -> None:
-        """End the pointing where the manager refuses, or gave the control to another."""
+        """End the pointing where the manager refuses, or somebody else took the control or changed the mode."""
         if not self._points:
             return
         if self._gimbal.refusal is not None:
             self._end(End.REFUSED, now, self._gimbal.refusal)
         elif self._gimbal.taken_by is not None:
             self._end(End.CONTROL_TAKEN, now, "{}/{}".format(*self._gimbal.taken_by))
+        elif self._gimbal.new_mode is not None:
+            self._end(End.GIMBAL_MODE, now, self._gimbal.new_mode)
 
     def _tell_follow(self) -> None:
         """Report when FOLLOW_TARGET flows and when it rests, each change once."""

@@ -34,6 +34,12 @@ FLAGS: Final = (
     | enums.GIMBAL_MANAGER_FLAGS_YAW_IN_VEHICLE_FRAME
 )
 """Yaw counts from the vehicle: a gimbal's own north may be its power-on direction."""
+OTHER_MODES: Final = {
+    enums.GIMBAL_MANAGER_FLAGS_RETRACT: "retracted",
+    enums.GIMBAL_MANAGER_FLAGS_NEUTRAL: "neutral",
+    enums.GIMBAL_MANAGER_FLAGS_RC_EXCLUSIVE: "the sticks alone",
+}
+"""Words for the flags of a status that nothing of ours commands: somebody else gave the manager that mode."""
 
 
 class Control(Enum):
@@ -72,6 +78,10 @@ class GimbalManager:
         """Why the control was not given; None where it was not refused."""
         self.taken_by: tuple[int, int] | None = None
         """Who took the control from us."""
+        self.new_mode: str | None = None
+        """Mode that somebody else gave the manager while we had the control; None while it has ours."""
+        self._flags: int | None = None
+        """Flags of the newest status with our control."""
         self._asked = 0
         self.wake_at: HostNs | None = None
         """Instant of the next request; None where none is due."""
@@ -84,7 +94,7 @@ class GimbalManager:
     def begin(self, now: HostNs) -> None:
         """Start to take the control."""
         self.control, self._asked = Control.FINDING, 0
-        self.refusal = self.taken_by = self.primary = self.manager = None
+        self.refusal = self.taken_by = self.new_mode = self.primary = self.manager = self._flags = None
         self.wake_at = now
 
     def end(self, autopilot: Autopilot | None) -> list[Outgoing]:
@@ -191,6 +201,7 @@ class GimbalManager:
             self.manager = chosen
         if message.name == "GIMBAL_MANAGER_STATUS":
             self._on_primary((fields.primary_control_sysid, fields.primary_control_compid), autopilot)
+            self._on_flags(int(fields.flags))
 
     def _on_primary(self, primary: tuple[int, int], autopilot: Autopilot) -> None:
         self.primary = primary
@@ -201,6 +212,14 @@ class GimbalManager:
             self.control, self.taken_by, self.wake_at = Control.NONE, primary, None
         elif self.control is Control.TAKING and primary != (0, 0):
             self._refuse("the gimbal was taken by {}/{}".format(*primary))
+
+    def _on_flags(self, flags: int) -> None:
+        """Notice a mode that began since the last status; one from before our first command ends by that."""
+        if self.control is not Control.OURS:
+            return
+        begun = 0 if self._flags is None else flags & ~self._flags
+        self._flags = flags
+        self.new_mode = next((word for flag, word in OTHER_MODES.items() if begun & flag), self.new_mode)
 
     def _on_answer(self, message: Message) -> None:
         manager, fields = self.manager, message.fields

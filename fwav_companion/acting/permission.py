@@ -35,6 +35,7 @@ class End(StrEnum):
     FAILSAFE = "failsafe"
     AUTOPILOT_LOST = "the autopilot is silent"
     MODE_CHANGED = "the flight mode changed"
+    GIMBAL_MODE = "the gimbal's mode changed"
     CONTROL_TAKEN = "another took the gimbal"
     STICK = "the pilot moved the gimbal"
     GIMBAL_STUCK = "the gimbal does not follow"

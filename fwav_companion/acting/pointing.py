@@ -63,6 +63,8 @@ class Pointing:
         self.limits: tuple[Angles, Angles] | None = None
         """Least and largest pitch and yaw that the gimbal reports; None where unknown."""
         self.at_limit = False
+        self.trims = True
+        """Whether the error in the picture is turned away: not that of a gimbal that does not look where it should."""
 
     @property
     def holds(self) -> bool:
@@ -75,7 +77,7 @@ class Pointing:
         self._trim, self._track, self._jumped, self._seen_ns = Angles(0.0, 0.0), None, None, None
         self._away = None
         self._headings.clear()
-        self.at_limit = False
+        self.at_limit, self.trims = False, True
 
     def on_track(self, track: Track) -> None:
         """Take the target after a frame; one that jumped beyond its claim is not followed until it stays."""
@@ -164,7 +166,9 @@ class Pointing:
     def _turn_error_away(self, ray: Vector3, seen_ns: HostNs) -> None:
         """Integrate the target's angles from the optical axis; ``ray``: right, down, forward."""
         before_ns, self._seen_ns = self._seen_ns, seen_ns
-        if before_ns is None or seen_ns <= before_ns or ray[2] <= 0.0 or self._last is None or self.at_limit:
+        if before_ns is None or seen_ns <= before_ns or ray[2] <= 0.0 or self._last is None:
+            return
+        if self.at_limit or not self.trims:
             return
         share = min((seen_ns - before_ns) * 1e-9, LONGEST_STEP_S) / TRIM_TIME_S
         level = max(cos(self._last[1].pitch), STEEPEST_COSINE)

@@ -59,7 +59,16 @@ def test_stop_gives_the_gimbal_back_and_says_so():
         ({"gimbal.taken_at_s": 11.0}, CLICKED, "act: gimbal ended, another took the gimbal: 252/190"),
         ({"gimbal.manager_denies": True}, CLICKED, "act: gimbal ended, refused: the gimbal's manager answers: denied"),
         ({"gimbal.manager": False}, CLICKED, "act: gimbal ended, refused: no gimbal manager answers"),
+        ({"gimbal.neutral_at_s": 11.0}, CLICKED, "act: gimbal ended, the gimbal's mode changed: neutral"),
+        ({"gimbal.stick_at_s": 11.5}, CLICKED, "act: gimbal ended, the pilot moved the gimbal"),
+        (
+            {"gimbal.frozen": True},
+            CLICKED,
+            "act: gimbal ended, the gimbal does not follow: commanded 21 deg, moved 0",
+        ),
         ({"autopilot.disarms_at_s": 11.0}, CLICKED, "act: all ended, disarmed"),
+        ({"others.reboots_at_s": (11.0,)}, CLICKED, "act: all ended, the autopilot rebooted"),
+        ({"downlink.silences": ((9.0, 16.0),)}, CLICKED, "act: all ended, the autopilot is silent"),
         (
             {},
             Operator(commands=((CLICK_S, TRACK_RECTANGLE),), silent_from_s=9.0),

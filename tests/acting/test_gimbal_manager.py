@@ -12,12 +12,13 @@ OURS, NOBODY, OTHER = (1, 191), (0, 0), (255, 190)
 LIMITS = {"pitch_min": radians(-90), "pitch_max": radians(30), "yaw_min": radians(-170), "yaw_max": radians(170)}
 
 
-def status(primary, device=1, sender=(1, 1), link="fc"):
+def status(primary, device=1, sender=(1, 1), link="fc", flags=12):
     return message(
         "GIMBAL_MANAGER_STATUS",
         sender,
         link,
         gimbal_device_id=device,
+        flags=flags,
         primary_control_sysid=primary[0],
         primary_control_compid=primary[1],
     )
@@ -83,6 +84,27 @@ def test_control_that_another_takes_is_not_fought_for():
     assert manager.point(Angles(0.0, 0.0)) is None
     assert [manager.on_wake(T0 + k * S, AUTOPILOT) for k in range(2, 9)] == [[]] * 7
     assert manager.end(AUTOPILOT) == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "mode"),
+    [
+        ((12, 12 + 1), "retracted"),
+        ((12, 12 + 2), "neutral"),
+        ((12, 12 + 256), "the sticks alone"),
+        ((12 + 2, 12, 12 + 2), "neutral"),  # the mode before our first command, and once more
+        ((12 + 2, 12 + 2), None),  # it was neutral when we took it
+        ((12 + 2, 12), None),
+        ((12, 12 + 16, 12 + 32), None),
+    ],
+)
+def test_mode_that_somebody_else_gives_the_manager_is_noticed(flags, mode):
+    manager, _ = taking()
+    for each in flags:
+        manager.on_message(status(OURS, flags=each), AUTOPILOT)
+    assert manager.new_mode == mode
+    manager.begin(T0)
+    assert manager.new_mode is None
 
 
 def test_control_is_given_back_where_we_have_it():

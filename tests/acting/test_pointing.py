@@ -163,6 +163,26 @@ def test_gimbal_that_leaves_a_steady_command_is_the_pilots(look_deg, at_limit, s
     assert watch.by_stick(T0 + 99 * STEP) is stick
 
 
+@pytest.mark.parametrize("slowly_deg", [15.0, 0.75])
+def test_stick_is_noticed_while_the_command_moves(slowly_deg):
+    """The command goes on with the target by 2 deg/s. ``slowly_deg``: the stick's way in each twentieth of a second."""
+    watch = GimbalWatch()
+    for k in range(100):
+        yaw = radians(0.1 * k)
+        off = radians(max(-15.0, -slowly_deg * max(0, k - 40)))
+        watch.on_command(Angles(0.0, yaw), Angles(0.0, yaw + off), T0 + k * STEP, at_limit=False)
+    assert watch.by_stick(T0 + 99 * STEP)
+
+
+def test_error_of_a_gimbal_that_left_its_command_is_not_turned_away():
+    """Else the command would run from a stick, and be no command that the gimbal left."""
+    made = pointing()
+    made.trims = False
+    assert set(commanded(made, lambda now, ray: a_track(now, ray=ray), 2.0, ray=(0.2, 0.1, 1.0))) == {
+        Angles(radians(-45.0), 0.0)
+    }
+
+
 def test_gimbal_that_lags_behind_a_moving_command_is_not_the_pilots():
     watch = GimbalWatch()
     for k in range(100):
@@ -178,3 +198,4 @@ def test_gimbal_that_never_moves_is_reported_with_numbers(moves, said):
         yaw = radians(min(20.0, k * 1.5))
         watch.on_command(Angles(0.0, yaw), Angles(0.0, yaw if moves else 0.0), T0 + k * STEP, at_limit=False)
     assert watch.stuck(Angles(0.0, radians(20.0)), T0 + 99 * STEP) == said
+    assert not watch.by_stick(T0 + 99 * STEP)
