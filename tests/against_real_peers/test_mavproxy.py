@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from processes import Process, process
 from pymavlink import mavutil
+from scipy.spatial.transform import Rotation
 from sites import Site
 
 from fwav_companion.recording.tlog import SkippedBytes, TlogRecord, read_tlog
@@ -132,6 +133,47 @@ def test_mavproxy_gets_its_streams_of_an_autopilot_that_sends_nothing_by_itself(
     assert "ATTITUDE_QUATERNION" not in names
     assert rates["ATTITUDE_QUATERNION"]["measured_hz"] > 85.0
     assert rates["ATTITUDE_QUATERNION"]["undone_by"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_mavproxy_takes_points_and_releases_the_mocks_gimbal(site: Site, mavproxy: tuple[str, str]):
+    """By the commands of the gimbal manager's protocol, and by a region of interest, which only COMMAND_INT sets."""
+    settings = ("gimbal.device_id=1", "gimbal.manager=true", "gimbal.yaw=vehicle", "draw_biases=false")
+    mock = process(
+        *("sitl_mock", "--connect", f"udpout:127.0.0.1:{site.ground.port}", "--seconds", "240"),
+        *("--scenario", "gimbal", *(word for each in settings for word in ("--set", each))),
+        folder=site.folder,
+    )
+    with station(site, mavproxy, "--target-system=1", "--target-component=1") as peer, mock as vehicle:
+        peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
+        peer.write_line("watch GIMBAL_MANAGER_STATUS COMMAND_ACK")
+        peer.write_line("long DO_GIMBAL_MANAGER_CONFIGURE 255 230 -1 -1 0 0 1")
+        peer.wait_for(r"GIMBAL_MANAGER_STATUS {.*primary_control_sysid : 255, primary_control_compid : 230", SECONDS_S)
+        peer.write_line("long DO_GIMBAL_MANAGER_PITCHYAW -40 25 nan nan 32 0 1")
+        peer.wait_for(r"COMMAND_ACK {command : 1000, result : 0,", SECONDS_S)
+        wait_until_gimbal_looks(site, -40.0, 25.0)
+        peer.write_line("long DO_SET_ROI_LOCATION 0 0 0 0 48.1372 11.5756 519")
+        peer.wait_for(r"COMMAND_ACK {command : 195, result : 4,", SECONDS_S)
+        peer.write_line("command_int GLOBAL DO_SET_ROI_LOCATION 0 0 0 0 0 0 481372000 115756000 519")
+        peer.wait_for(r"COMMAND_ACK {command : 195, result : 0,", SECONDS_S)
+        peer.write_line("long DO_GIMBAL_MANAGER_CONFIGURE 0 0 -1 -1 0 0 1")
+        peer.wait_for(r"(?s)primary_control_sysid : 255.*primary_control_sysid : 0, ", SECONDS_S)
+        peer.stop(signal.SIGINT)
+        vehicle.stop()
+
+
+def wait_until_gimbal_looks(site: Site, pitch_deg: float, yaw_deg: float) -> None:
+    """By the attitudes in MAVProxy's log, yaw from the vehicle."""
+    for _ in range(100):
+        looks = [message.q for message in heard(site) if message.get_type() == "GIMBAL_DEVICE_ATTITUDE_STATUS"]
+        if looks:
+            w, x, y, z = looks[-1]
+            yaw, pitch, _ = Rotation.from_quat([x, y, z, w]).as_euler("ZYX", degrees=True)
+            if (pitch, yaw) == pytest.approx((pitch_deg, yaw_deg), abs=1.0):
+                return
+        time.sleep(0.2)
+    pytest.fail(f"the gimbal never looked at {pitch_deg}, {yaw_deg}")
 
 
 def read_by_us(site: Site) -> list[tuple[int, bytes]]:
