@@ -1,7 +1,8 @@
 """Notices that a gimbal does not do what is commanded: the pilot's stick, or a gimbal that never moves. Pure.
 
 No message says that a pilot moves the gimbal. It had been at the command, is not at a limit, and moved away from it: a
-gimbal that lags is where some command of the last second sent it, and one that does not move at all has no pilot.
+gimbal that lags is where some command of the last second sent it, and one that stops on its way, at a limit that nobody
+reported, came nearer to the command.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ AT_COMMAND: Final = radians(3.0)
 LAG_NS: Final = NS_PER_S
 """Longest lag of a gimbal that follows."""
 AWAY_NS: Final = NS_PER_S
-LEAST_MOTION: Final = radians(1.0)
-"""Least motion of a gimbal that a stick moved, since it was at its command."""
+FARTHER: Final = radians(1.0)
+"""Least way by which a gimbal that a stick moved is farther from the command than where it was last at one."""
 COMMANDED: Final = radians(10.0)
 """Least way that is commanded before a gimbal can be said not to move."""
 MOVED: Final = 0.2
@@ -59,8 +60,8 @@ class GimbalWatch:
         commanded = apart(command, start)
         far = commanded >= COMMANDED and self._moved < MOVED * commanded
         self._far_since_ns = (self._far_since_ns or now) if far else None
-        moves = self._was_there and not at_limit and self._moved > LEAST_MOTION
-        away = moves and all(apart(each, look) > AT_COMMAND for _, each in self._commands)
+        farther = self._was_there and not at_limit and apart(command, look) > commanded + FARTHER
+        away = farther and all(apart(each, look) > AT_COMMAND for _, each in self._commands)
         self._away_since_ns = (self._away_since_ns or now) if away else None
 
     def by_stick(self, now: HostNs) -> bool:

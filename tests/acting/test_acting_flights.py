@@ -67,6 +67,7 @@ def test_stop_gives_the_gimbal_back_and_says_so():
             "act: gimbal ended, the gimbal does not follow: commanded 21 deg, moved 0",
         ),
         ({"autopilot.disarms_at_s": 11.0}, CLICKED, "act: all ended, disarmed"),
+        ({"autopilot.status_changes_at_s": 11.0}, CLICKED, "act: all ended, failsafe"),
         ({"others.reboots_at_s": (11.0,)}, CLICKED, "act: all ended, the autopilot rebooted"),
         ({"downlink.silences": ((9.0, 16.0),)}, CLICKED, "act: all ended, the autopilot is silent"),
         (
@@ -106,6 +107,12 @@ def test_roi_that_the_autopilot_refuses_is_reported_once():
     flight = fly_acting(ROI, CLICKED, seconds=13.0, **{"autopilot.refuses_roi": True})
     assert flight.texts(*ENDED) == ["act: roi ended, refused: the autopilot answers: failed"]
     assert len(flight.commands(ROI_LOCATION)) <= 2
+
+
+def test_change_of_the_flight_mode_ends_the_roi_and_leaves_the_place():
+    flight = fly_acting(ROI, CLICKED, seconds=12.0, **{"autopilot.mode_changes_at_s": 10.5})
+    assert flight.texts(*ENDED) == ["act: roi ended, the flight mode changed"]
+    assert not flight.commands(ROI_NONE)
 
 
 @pytest.mark.parametrize(("system", "refused"), [(17, None), (0, "the vehicle's own system")])

@@ -163,15 +163,25 @@ def test_gimbal_that_leaves_a_steady_command_is_the_pilots(look_deg, at_limit, s
     assert watch.by_stick(T0 + 99 * STEP) is stick
 
 
-@pytest.mark.parametrize("slowly_deg", [15.0, 0.75])
+@pytest.mark.parametrize("slowly_deg", [15.0, 0.75, -0.75])
 def test_stick_is_noticed_while_the_command_moves(slowly_deg):
     """The command goes on with the target by 2 deg/s. ``slowly_deg``: the stick's way in each twentieth of a second."""
     watch = GimbalWatch()
     for k in range(100):
         yaw = radians(0.1 * k)
-        off = radians(max(-15.0, -slowly_deg * max(0, k - 40)))
+        off = radians(max(-15.0, min(15.0, -slowly_deg * max(0, k - 40))))
         watch.on_command(Angles(0.0, yaw), Angles(0.0, yaw + off), T0 + k * STEP, at_limit=False)
     assert watch.by_stick(T0 + 99 * STEP)
+
+
+def test_gimbal_that_stops_at_an_unknown_limit_is_not_the_pilots():
+    """PX4 reports limits of 90 and 180 deg, whatever the gimbal."""
+    watch = GimbalWatch()
+    for k in range(200):
+        yaw = radians(min(25.0, 0.5 * k))
+        watch.on_command(Angles(0.0, yaw), Angles(0.0, min(yaw, radians(12.5))), T0 + k * STEP, at_limit=False)
+        assert not watch.by_stick(T0 + k * STEP)
+    assert watch.stuck(Angles(0.0, radians(25.0)), T0 + 199 * STEP) is not None
 
 
 def test_error_of_a_gimbal_that_left_its_command_is_not_turned_away():
