@@ -109,12 +109,6 @@ def test_roi_that_the_autopilot_refuses_is_reported_once():
     assert len(flight.commands(ROI_LOCATION)) <= 2
 
 
-def test_change_of_the_flight_mode_ends_the_roi_and_leaves_the_place():
-    flight = fly_acting(ROI, CLICKED, seconds=12.0, **{"autopilot.mode_changes_at_s": 10.5})
-    assert flight.texts(*ENDED) == ["act: roi ended, the flight mode changed"]
-    assert not flight.commands(ROI_NONE)
-
-
 @pytest.mark.parametrize(("system", "refused"), [(17, None), (0, "the vehicle's own system")])
 def test_follow_target_reaches_ardupilot_from_another_system_alone(system, refused):
     act = [*FOLLOW, f"follow_system_id={system}"]
