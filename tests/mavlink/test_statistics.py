@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import random
+import tracemalloc
 
 import pytest
 from mavlink_wire import Wire, unknown_frame
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
+from fwav_companion.mavlink.router.peers import Peer
 from fwav_companion.types.network_status import PeerStatistics
 
 STEP = 10 * NS_PER_MS
@@ -158,3 +160,42 @@ def test_peers_beyond_the_list_are_counted_and_the_vehicle_and_the_busiest_are_l
     a, _ = node.statistics(now)
     assert [peer.system for peer in a.peers] == [1, *range(3, 34)]
     assert a.peers_left_out == 199 - 32
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_counts_are_those_of_the_true_numbers(seed) -> None:
+    """The truth by numbers that never wrap: what is beyond the last 32 numbers is forgotten."""
+    rng = random.Random(seed)
+    frames = sent(4000)
+    order = [i for i in range(4000) if i in (0, 3999) or rng.random() > 0.15]
+    order += [i for i in order[1:-1] if rng.random() < 0.1]  # copies
+    order.sort(key=lambda i: i + rng.uniform(0, 20) * (0 < i < 3999))
+    newest, missing, lost, late, repeated = 0, set[int](), 0, 0, 0
+    for i in order[1:]:
+        if i > newest:
+            missing |= set(range(newest + 1, i))
+            lost += i - newest - 1
+            newest = i
+        elif i in missing and newest - i < 32:
+            missing.remove(i)
+            lost, late = lost - 1, late + 1
+        else:
+            repeated += 1
+    peer = heard([frames[i] for i in order])
+    assert (peer.lost, peer.late, peer.received) == (lost, late, len(order) - repeated)
+    assert min(lost, late, repeated) > 100
+
+
+def test_an_invented_peer_with_gaps_takes_at_most_700_bytes() -> None:
+    node = Node([LinkPolicy("a", "autopilot", datagrams=True)], [])
+    node.receive("a", sent(1)[0], HostNs(0))
+    (frame,) = node.receive("a", Wire(1, 1).attitude(), HostNs(1)).frames
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    peers = [Peer(frame, HostNs(10**12)) for _ in range(500)]
+    for peer in peers:
+        for seq in (40, 80, 120):
+            peer.on_gap(seq, HostNs(10**12))
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (after - before) / len(peers) <= 700

@@ -5,6 +5,7 @@ Sequence numbers give the true loss only here, on one link and before any filter
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -15,9 +16,9 @@ SILENT_NS: Final = 60 * NS_PER_S
 """Silence after which a component is forgotten: sixty missed heartbeats. Earlier, commands to a vehicle behind a radio
 that fades for some seconds would be lost; later, a few bytes are wasted on a link where it is no longer heard."""
 MAX_PEERS: Final = 512
-"""Most peers on all links together: 128 vehicles with four components each, up to 2 kB each with the missing numbers.
-Beyond it, peers that were heard only for a moment are removed, then silent ones. If there are none, a newcomer teaches
-no route: invented senders do not take the place of a peer that is heard."""
+"""Most peers on all links together: 128 vehicles with four components each, 0.5 kB each without their streams. Beyond
+it, peers that were heard only for a moment are removed, then silent ones. If there are none, a newcomer teaches no
+route: invented senders do not take the place of a peer that is heard."""
 ESTABLISHED_NS: Final = NS_PER_S
 """Time over which a peer must be heard before a newcomer cannot take its place."""
 ABSENT_NS: Final = 5 * NS_PER_S
@@ -26,6 +27,8 @@ MAX_PEER_STREAMS: Final = 2048
 """Most streams of all peers together, 300 bytes each."""
 _LATE: Final = 32
 """Sequence numbers before the next one that count as late frames: more than UDP and bonded radios reorder."""
+_WINDOW: Final = (1 << _LATE) - 1
+_count: Final = attrgetter("count")
 _BURST_NS: Final = NS_PER_S // 2
 """Time within which a jump of nearly 256 sequence numbers is a repeated frame instead of a loss."""
 RESTART_NS: Final = 2 * NS_PER_S
@@ -83,6 +86,8 @@ class Peer:
 
     __slots__ = (
         "_missing",
+        "_missing_before",
+        "_missing_received",
         "clock",
         "component",
         "last_ns",
@@ -108,9 +113,15 @@ class Peer:
         self.repeated = 0
         self.streams: dict[int, PeerStream] = {}
         """Streams by message id."""
-        self.clock = PeerClock()
-        self._missing: dict[int, int] = {}
-        """Sequence number -> number of frames received when it was found missing."""
+        self.clock: PeerClock | None = None
+        """Clock of the peer; None before its first SYSTEM_TIME."""
+        self._missing = 0
+        """Window of the last 32 sequence numbers, as in IPsec (RFC 4303, 3.4.3): bit b is set while the number
+        ``_missing_before - 1 - b`` is missing. One integer, because strangers can invent every peer."""
+        self._missing_before = frame.seq
+        self._missing_received = 0
+        """:attr:`next_seq` and :attr:`received` when the window was last changed. Since then all frames came in order
+        or were repeated ones, so the window is moved when it is needed, not with each frame."""
 
     def gives_way(self, now: HostNs) -> bool:
         """Return whether a newcomer may take its place."""
@@ -119,30 +130,33 @@ class Peer:
     @property
     def received(self) -> int:
         """Number of frames received, without repeated ones."""
-        return sum(stream.count for stream in self.streams.values()) - self.repeated
+        received: int = sum(map(_count, self.streams.values())) - self.repeated
+        return received
 
     def on_gap(self, seq: int, now: HostNs) -> None:
         """Process a frame that is not the next one. Call it before ``last_ns`` is set."""
-        received = self.received
-        behind = (self.next_seq - seq) & 0xFF
-        missed_at = self._missing.get(seq)
-        if behind <= _LATE and missed_at is not None and received - missed_at <= _LATE:
-            del self._missing[seq]
-            self.late += 1
-            self.lost -= 1
-            return
-        if behind <= _LATE and now - self.last_ns < _BURST_NS:
-            self.repeated += 1
-            return
-        gap = (seq - self.next_seq) & 0xFF
+        received, before, missing = self.received, self.next_seq, self._missing
+        if missing:
+            if received - self._missing_received > _LATE:
+                missing = 0  # the counter of 8 bits may have wrapped since
+            else:
+                missing = missing << ((before - self._missing_before) & 0xFF) & _WINDOW
+        behind = (before - seq) & 0xFF
+        if behind <= _LATE:
+            if missing >> behind - 1 & 1:
+                self.late += 1
+                self.lost -= 1
+                self._missing, self._missing_before = missing ^ 1 << behind - 1, before
+                self._missing_received = received
+                return
+            if now - self.last_ns < _BURST_NS:
+                self.repeated += 1
+                return
+        gap = -behind & 0xFF
         self.lost += gap
-        for back in range(min(gap, _LATE), 0, -1):
-            number = (seq - back) & 0xFF
-            self._missing.pop(number, None)
-            self._missing[number] = received
-        while len(self._missing) > _LATE:
-            del self._missing[next(iter(self._missing))]
-        self.next_seq = (seq + 1) & 0xFF
+        self.next_seq = self._missing_before = (seq + 1) & 0xFF
+        self._missing = (missing << gap + 1 | (1 << gap + 1) - 2) & _WINDOW
+        self._missing_received = received
 
     def known_stream(self, frame: RawFrame) -> PeerStream | None:
         """Return the stream of the frame's message; None if it is new."""

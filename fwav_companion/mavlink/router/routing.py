@@ -26,7 +26,7 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
 from fwav_companion.mavlink.router.peer_tables import PeerTables
-from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerClock, PeerStream
 from fwav_companion.mavlink.router.ration import Ration
 from fwav_companion.mavlink.router.station_rates import MergedRates
 from fwav_companion.mavlink.wire.definitions import BY_NAME
@@ -247,12 +247,15 @@ class Router:
         another link now.
         """
         peer: Peer = frame.flow.stream.peer
+        if peer.clock is None:
+            peer.clock = PeerClock()
         restarted_ns = peer.clock.on_stamp(boot_ms, now)
         if restarted_ns is not None:
             self._forget_silent(frame.system, restarted_ns)
             self._tables.forget(port.peers, {frame.system << 8 | frame.component})
             peer = self.learn(port, frame, now)
             peer.next_seq = (frame.seq + 1) & 0xFF
+            peer.clock = PeerClock()
             peer.clock.on_stamp(boot_ms, now)
 
     def _forget_silent(self, system: int, since_ns: HostNs) -> None:
