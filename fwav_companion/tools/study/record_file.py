@@ -85,11 +85,13 @@ def read_records(path: Path) -> tuple[list[FlightRecord], StudyPlan, Environment
             table = pq.read_table(file)
         metadata = table.schema.metadata or {}
         plan = msgspec.json.decode(metadata[PLAN], type=StudyPlan)
-        environment = Environment(tuple(json.loads(metadata[PROCESSORS])), json.loads(metadata[WHEELS]))
+        processors = msgspec.json.decode(metadata[PROCESSORS], type=tuple[str, ...])
+        wheels = msgspec.json.decode(metadata[WHEELS], type=dict[str, str])
+        environment = Environment(processors, wheels)
         return [_record(row, plan) for row in table.to_pylist()], plan, environment
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}; {accepted}") from None
-    except (pa.ArrowInvalid, KeyError, msgspec.DecodeError) as error:
+    except (pa.ArrowException, msgspec.DecodeError, KeyError, ValueError, OverflowError, RecursionError) as error:
         raise InputFileError(f"{path}: not readable ({' '.join(str(error).split())[:120]}); {accepted}") from None
 
 
@@ -130,7 +132,7 @@ def read_journal(folder: Path, plan: StudyPlan) -> list[FlightRecord]:
     for line in lines[1:]:
         try:
             found.append(msgspec.json.decode(line, type=FlightRecord))
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             continue
     return found
 

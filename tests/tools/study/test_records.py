@@ -135,3 +135,33 @@ def test_a_study_goes_on_only_with_the_same_options(tmp_path):
 def test_a_record_survives_its_way_from_a_worker_exactly():
     record = made(0, error_m=0.1 + 0.2, errors_m=[None, float(np.nextafter(1.0, 2.0))])
     assert msgspec.json.decode(msgspec.json.encode(record), type=FlightRecord) == record
+
+
+NESTED = b"[" * 200_000 + b"]" * 200_000
+HOSTILE = {
+    "nested": b'{"unknown": ' + NESTED + b"}",
+    "list": NESTED,
+    "no text": b'{"seed": "\xff\xfe"}',
+    "no JSON": b"{",
+    "another kind": b"7",
+}
+
+
+@pytest.mark.parametrize("key", [b"fwav.plan", b"fwav.processors", b"fwav.wheels"])
+@pytest.mark.parametrize("content", HOSTILE.values(), ids=HOSTILE)
+def test_metadata_of_a_stranger_is_one_line(tmp_path, key, content):
+    write_records(tmp_path / FILE, [made(0)], PLAN, InlineWorkers.environment)
+    table = pq.read_table(tmp_path / FILE)
+    pq.write_table(table.replace_schema_metadata({**table.schema.metadata, key: content}), tmp_path / FILE)
+    with pytest.raises(InputFileError, match="not readable") as raised:
+        read_records(tmp_path / FILE)
+    assert "\n" not in str(raised.value)
+
+
+def test_lines_of_a_stranger_in_the_journal_are_left_out(tmp_path):
+    journal = FlightJournal(tmp_path, PLAN)
+    journal.add(made(0))
+    journal._file.write(b"\n".join(HOSTILE.values()) + b"\n")
+    journal.add(made(1))
+    journal.close(remove=False)
+    assert [record.index for record in read_journal(tmp_path, PLAN)] == [0, 1]
