@@ -204,3 +204,12 @@ def test_component_heard_on_the_vehicles_links_keeps_its_route_and_its_frames_re
     command = net.station.frame("COMMAND_LONG", 1, 154, 1000, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert net.feed("ground", command).forwards == [(link, command)]
     assert net.feed("tablet", Wire(250, 1).frame("COMMAND_LONG", 1, 154, 1000, 0, *[0.0] * 7)).forwards[0][0] == link
+
+
+@pytest.mark.parametrize(("link", "read"), [("ground", []), ("mavros", ["GIMBAL_MANAGER_STATUS"])])
+def test_a_vehicle_of_system_0_is_not_reported_by_a_station(link: str, read: list[str]) -> None:
+    """Betaflight sends with system 0, and our own id is another: neither is the vehicle's on a station's link."""
+    net = Net()
+    net.node.adopt(1, 1, vehicle=0)
+    frame = Wire(0, 154).frame("GIMBAL_MANAGER_STATUS", 1, 0, 1, 1, 191, 0, 0)
+    assert [message.name for message in net.feed(link, frame).messages] == read

@@ -74,6 +74,21 @@ def attacks(wire: Wire) -> dict[str, bytes]:
         "rates": wire.frame("REQUEST_DATA_STREAM", 1, 1, 0, 1, 0),
         "gimbal": wire.command(1, 154),
         "unknown": unknown_frame(system=254),
+        "target to follow": wire.frame(
+            "FOLLOW_TARGET",
+            1,
+            3,
+            480000000,
+            110000000,
+            500.0,
+            *[(1.0,) * 3] * 2,
+            (1.0, 0.0, 0.0, 0.0),
+            *[(0.0,) * 3] * 2,
+            0,
+        ),
+        "place": wire.frame("VISION_POSITION_ESTIMATE", 1, *[1.0] * 6),
+        "height": wire.frame("DISTANCE_SENSOR", 1, 20, 2000, 100, 0, 1, 25, 0),
+        "corrections": wire.frame("GPS_RTCM_DATA", 0, 180, bytes(180)),
     }
 
 
@@ -164,3 +179,32 @@ def test_a_signed_copy_over_a_redundant_link_is_a_duplicate() -> None:
     station = SignedWire(255, 190)
     forwards = node.receive("ground", station.command(1, 1), now).forwards
     assert [name for name, _ in forwards] == ["a", "b"], "both ways are known"
+
+
+@pytest.mark.parametrize("name", ["place", "height"])
+def test_unsigned_sensors_of_the_vehicles_own_links_reach_the_autopilot(name: str) -> None:
+    net = Net("gimbal")
+    assert "autopilot" in net.links_of("gimbal", attacks(Wire(1, 240))[name])
+    assert "autopilot" not in Net().links_of("gimbal", attacks(Wire(1, 240))[name])
+
+
+def test_frames_that_are_not_verified_take_little_of_a_slow_link() -> None:
+    """Also where they bear the ids of a genuine station, and are never thinned for a verified one."""
+    links = (
+        LinkPolicy("autopilot", "autopilot"),
+        LinkPolicy("tablet", "gcs", datagrams=True),
+        LinkPolicy("radio", "gcs", max_bytes_per_s=2000.0, max_rate_hz={"HEARTBEAT": 2.0}),
+    )
+    node = Node(links, WANTED, signing=SigningPolicy(key=KEY, timestamp=START))
+    node.adopt(1, 1)
+    vehicle, station, forged = SignedWire(1, 1), SignedWire(255, 190), Wire(255, 190)
+    unsigned, genuine = 0, []
+    for tick in range(3000):
+        now = HostNs(1000 * NS_PER_S + tick * 10 * NS_PER_MS)
+        passed = node.receive("tablet", forged.heartbeat(6, 8) + forged.command(0, 0), now).forwards
+        unsigned += sum(len(data) for name, data in passed if name == "radio")
+        if tick % 100 == 99:
+            for link, frame in (("autopilot", vehicle.heartbeat()), ("tablet", station.heartbeat(6, 8))):
+                genuine += [name for name, _ in node.receive(link, frame, now).forwards if name == "radio"]
+    assert 0 < unsigned <= 0.06 * 30.0 * 2000.0
+    assert len(genuine) == 2 * 30

@@ -4,7 +4,7 @@
  no route: a station forwards the autopilot's own stream back, or the sender is another vehicle or a forgery.
 - A frame with the ids of a component of ours is an echo if we sent these bytes lately. Otherwise a second program uses
  our ids; its frames go to the autopilot only, so that it keeps working until its ids are changed.
-- On a link of ground stations no sender with our system id reports the vehicle's state.
+- On a link of ground stations no sender with our system id, or the vehicle's, reports the vehicle's state.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ _HEARTBEAT: Final = BY_NAME["HEARTBEAT"].msgid
 _AUTOPILOT_OFFSET: Final = BY_NAME["HEARTBEAT"].fields["autopilot"].offset
 SETTLING_NS: Final = 10 * NS_PER_S
 """Time after the start in which a frame with our ids counts as an echo, because an earlier run may have sent it."""
+UNVERIFIED: Final = 1 << 16
+"""Bit of a stream's sender: forged frames do not use up the rate of the genuine sender."""
 _NO_STATE: Final = frozenset(
     BY_NAME[name].msgid for name in ("HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT")
 )
@@ -65,9 +67,9 @@ class Acceptance:
         settled = self._settled_ns is not None and now >= self._settled_ns
         return not settled or frame.data in self._own_frames
 
-    def forwards_of_untrusted(self, port: Port, frame: RawFrame) -> list[tuple[str, bytes]]:
-        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, and does not go to the
-        vehicle.
+    def forwards_of_untrusted(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:
+        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, does not go to the
+        vehicle, and takes little of the bytes that a link may send.
         """
         router = self._router
         if router.is_own(frame):
@@ -79,7 +81,9 @@ class Acceptance:
             port.duplicates += 1
             return []
         outs = router.route(port, frame, frame.target_system, frame.target_component)
-        return [(out.name, frame.data) for out in router.on_ground(port, outs)]
+        outs = router.on_ground(port, outs)
+        stream = (frame.msgid, UNVERIFIED | frame.system << 8 | frame.component, frame.instance)
+        return [(out.name, frame.data) for out in outs if out.limiter.passes_unverified(stream, len(frame.data), now)]
 
     def is_second_copy(self, port: Port, frame: RawFrame) -> bool:
         """Return whether the frame arrived lately by another link."""
@@ -103,4 +107,6 @@ class Acceptance:
         msgid = frame.msgid
         if msgid == _HEARTBEAT:
             return frame.payload_byte(_AUTOPILOT_OFFSET) == MAV_AUTOPILOT_INVALID
-        return not (port.is_gcs and frame.system == self._router.system and msgid not in _NO_STATE)
+        # The vehicle's id is not ours where its autopilot sends with system 0.
+        of_vehicle = frame.system == self._router.system or frame.system == self._router.vehicle
+        return not (port.is_gcs and of_vehicle and msgid not in _NO_STATE)

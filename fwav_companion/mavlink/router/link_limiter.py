@@ -55,6 +55,7 @@ class LinkLimiter:
         self._capped_sender = -1
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
+        self._unverified = ByteBudget()
         self._radio = RadioBackoff()
         self._load = LoadMeter()
         self._common_hz = inf
@@ -101,6 +102,18 @@ class LinkLimiter:
         self._budget.spend(size)
         self._load.leave(size)
         return True
+
+    def passes_unverified(self, stream: StreamKey, size: int, now: HostNs) -> bool:
+        """Return whether a frame of a sender that is not verified may leave, whatever its message: where bytes are
+        limited, all of them together get LEAST_SHARE.
+        """
+        limit = self._bytes_per_s
+        if limit is not None:
+            self._unverified.fill(LEAST_SHARE * limit, now)
+            if not self._unverified.is_free:
+                return self._drop(stream, self._budget_reason)
+            self._unverified.spend(size)
+        return self.passes(stream, size, now)
 
     def _thinned_by(self, stream: StreamKey, cap: Cap, telemetry: bool, now: HostNs) -> Why | None:
         """Return why a frame may not leave a link whose bytes are counted; None if it may."""

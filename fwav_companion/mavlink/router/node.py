@@ -259,11 +259,11 @@ class Node:
         trust = self._keyring.judge(port, frame, now)
         match trust:
             case Trust.NONE:
-                received.forwards += self._acceptance.forwards_of_untrusted(port, frame)
+                received.forwards += self._acceptance.forwards_of_untrusted(port, frame, now)
                 return None
             case Trust.RADIO:
                 self._reader.on_radio(port, frame, received.messages, now)
-                received.forwards += self._acceptance.forwards_of_untrusted(port, frame)
+                received.forwards += self._acceptance.forwards_of_untrusted(port, frame, now)
                 return None
             case Trust.LATE_COPY if not self._acceptance.is_second_copy(port, frame):
                 port.late_copy += 1

@@ -20,10 +20,18 @@ _ANSWERS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_ACK", "GIM
 _STEERS: Final = frozenset(
     definition.msgid
     for name, definition in BY_NAME.items()
-    if name in {"MANUAL_CONTROL", "MANUAL_SETPOINT", "SERIAL_CONTROL", "GPS_INPUT", "LANDING_TARGET"}
-    or name.startswith("HIL_")
+    if name in {"FOLLOW_TARGET", "MANUAL_CONTROL", "MANUAL_SETPOINT", "SERIAL_CONTROL", "GPS_INPUT", "LANDING_TARGET"}
+    or name.startswith(("HIL_", "TRAJECTORY_REPRESENTATION_", "UAVIONIX_ADSB_OUT_C"))
 )
-"""Messages without a target system that steer the vehicle or replace its sensors."""
+"""Messages without a target system that steer the vehicle, its transponder, or replace its sensors."""
+_SENSES: Final = frozenset(
+    definition.msgid
+    for name, definition in BY_NAME.items()
+    if name in {"ATT_POS_MOCAP", "DISTANCE_SENSOR", "GPS_RTCM_DATA", "ODOMETRY", "TERRAIN_DATA", "WHEEL_DISTANCE"}
+    or name.startswith(("OBSTACLE_DISTANCE", "OPTICAL_FLOW", "VICON_", "VISION_", "GLOBAL_VISION_"))
+)
+"""Messages without a target system from which an autopilot takes its position, height or obstacles. On the vehicle's
+own links they are telemetry; a station's link has no such sensor of the vehicle."""
 
 
 class SigningPolicy(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,7 +55,8 @@ class Trust(Enum):
     UNSIGNED = "unsigned"
     """Unsigned telemetry on a link that accepts it."""
     UNSIGNED_REQUEST = "unsigned_request"
-    """Unsigned request to its receiver on a link that accepts unsigned telemetry: we do not execute it."""
+    """Unsigned request to its receiver, or what would steer it, on a link that accepts unsigned telemetry: we do not
+    execute it."""
     RADIO = "radio"
     """Report of a radio, which cannot sign: read on every link."""
     NONE = "none"
@@ -81,7 +90,8 @@ class Keyring:
         if self._policy is None or port.name not in self._policy.accept_unsigned:
             port.refused_unsigned += 1
             return Trust.NONE
-        return Trust.UNSIGNED_REQUEST if _asks(frame) else Trust.UNSIGNED
+        asks = _asks(frame) or (port.is_gcs and frame.msgid in _SENSES)
+        return Trust.UNSIGNED_REQUEST if asks else Trust.UNSIGNED
 
     def _judge_signature(self, verifier: Verifier, port: Port, frame: RawFrame, now: HostNs) -> Trust:
         verdict = verifier.verify(frame.data, frame.system, frame.component, now)
