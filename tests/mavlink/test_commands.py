@@ -205,3 +205,23 @@ def test_whatever_is_asked_there_is_exactly_one_acknowledgement(number, params, 
     out = commands.on_message(long(number, (5, component), params), situation())
     assert len(acks(out)) == 1
     assert all(isinstance(one, Outgoing) for one in out)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"sender": (254, 190), "params": (0.1, 0.1)}, {"target": (5, 191), "params": (0.1, 0.1)}],
+    ids=["another sender", "another component"],
+)
+def test_the_same_command_after_one_of_another_is_a_new_wish(camera, other):
+    """A second STOP after a selection by another is executed, although the same sender's STOP was a second ago."""
+    commands = Commands({191: camera, 100: camera})
+    for second, wish in enumerate(({}, other, {})):
+        (ack,) = acks(commands.on_message(long(**wish), situation(T0 + second * S)))
+        assert ack["result"] == mavlink.MAV_RESULT_ACCEPTED
+    assert len(camera.seen) == 3
+
+
+def test_a_refused_command_of_another_leaves_a_repetition_one(commands, camera):
+    for wish in ({}, {"sender": (254, 190), "command": 400}, {}):
+        commands.on_message(long(**wish), situation())
+    assert len([seen for seen in camera.seen if seen.number == HANDLED]) == 1

@@ -121,6 +121,9 @@ class Commands:
     def _remember(self, command: Command, answer: CommandAnswer, now: HostNs) -> None:
         conversation = _conversation(command)
         self._done.pop(conversation, None)
+        if answer.result is CommandResult.ACCEPTED and command.number != enums.MAV_CMD_SET_MESSAGE_INTERVAL:
+            # What another sends again after this is a new wish: a STOP after the STOP before a selection above all.
+            self._done.clear()
         if len(self._done) >= MAX_CONVERSATIONS:
             del self._done[next(iter(self._done))]
         self._done[conversation] = _Done(command, answer, now)
