@@ -61,7 +61,7 @@ class Acting:
         """Take a message of any sender."""
         self._autopilot = autopilot
         if message.name == "HEARTBEAT" and 0 < message.system == self._options.follow_system_id:
-            self._on_follow_id_heard(now)
+            self._on_follow_id_heard(message, now)
         end = self._permission.on_message(message, autopilot, now)
         if end is not None:
             self._end(end, now)
@@ -223,9 +223,11 @@ class Acting:
             code = NoticeCode.ACT_STARTED if flows else NoticeCode.ACT_WITHHELD
             self._say(code, Severity.NOTICE, f"act: FOLLOW_TARGET {now_text}")
 
-    def _on_follow_id_heard(self, now: HostNs) -> None:
+    def _on_follow_id_heard(self, message: Message, now: HostNs) -> None:
         if self._follow_id_heard or not self._options.follow_target:
             return
+        if self._options.signed and not message.signed and message.link in self._options.gcs_links:
+            return  # with a key, an unsigned station ends nothing
         self._follow_id_heard = True
         number = self._options.follow_system_id
         text = f"act: system {number} is heard, set another [act] follow_system_id: nothing is sent"

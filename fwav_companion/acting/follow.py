@@ -33,8 +33,8 @@ class Follow:
         """Why it is not sent now; None where it is."""
 
     def begin(self) -> None:
-        """Start with a new selection."""
-        self._due_ns, self.withheld = None, None
+        """Start with a new selection. Frequent selections send no more often."""
+        self.withheld = None
 
     def due(self, track: Track, situation: Situation) -> list[Outgoing]:
         """The message where it is due."""

@@ -60,6 +60,11 @@ class Manager(msgspec.Struct, frozen=True):
     device_id: int
     limits: tuple[Angles, Angles] | None = None
 
+    @property
+    def key(self) -> tuple[int, int, int]:
+        """Its ids and the gimbal's: one component may manage several."""
+        return self.system, self.component, self.device_id
+
 
 class GimbalManager:
     """The dialogue with the manager of the configured gimbal."""
@@ -68,12 +73,17 @@ class GimbalManager:
         """``component``: ours, which controls."""
         self._device_id, self._component = device_id, component
         self._managers: dict[tuple[int, int, int], Manager] = {}
+        self._gimbal_component = device_id if device_id > LAST_NON_MAVLINK_DEVICE else None
+        """Component id of the gimbal; None for one behind the autopilot."""
         self._device_link: str | None = None
+        self._autopilot_component: int | None = None
         self.control = Control.NONE
         self.manager: Manager | None = None
         """Manager that controls the configured gimbal; None before it was found."""
         self.primary: tuple[int, int] | None = None
         """(system, component) in control by its newest status; None before the first."""
+        self._primary_by: Manager | None = None
+        """Manager whose status that was."""
         self.refusal: str | None = None
         """Why the control was not given; None where it was not refused."""
         self.taken_by: tuple[int, int] | None = None
@@ -83,6 +93,8 @@ class GimbalManager:
         self._flags: int | None = None
         """Flags of the newest status with our control."""
         self._asked = 0
+        self._quiet_until: HostNs | None = None
+        """Instant before which no more requests are sent, however often the control is asked for."""
         self.wake_at: HostNs | None = None
         """Instant of the next request; None where none is due."""
 
@@ -95,7 +107,7 @@ class GimbalManager:
         """Start to take the control."""
         self.control, self._asked = Control.FINDING, 0
         self.refusal = self.taken_by = self.new_mode = self.primary = self.manager = self._flags = None
-        self.wake_at = now
+        self.wake_at = now if self._quiet_until is None else max(now, self._quiet_until)
 
     def end(self, autopilot: Autopilot | None) -> list[Outgoing]:
         """Give the control back where we have it or asked for it."""
@@ -119,7 +131,7 @@ class GimbalManager:
         """The requests that are due."""
         if self.wake_at is None or now < self.wake_at:
             return []
-        self.wake_at = HostNs(now + ASK_NS)
+        self.wake_at = self._quiet_until = HostNs(now + ASK_NS)
         match self.control:
             case Control.FINDING:
                 return self._find(autopilot)
@@ -154,7 +166,8 @@ class GimbalManager:
 
     def _find(self, autopilot: Autopilot) -> list[Outgoing]:
         chosen = self._chosen()
-        if chosen is not None and self.primary is not None:
+        is_answered = chosen is not None and self._primary_by is not None and self._primary_by.key == chosen.key
+        if chosen is not None and self.primary is not None and is_answered:
             self.manager = chosen
             if self.primary not in ((0, 0), self._ours(autopilot)):
                 return self._refuse("the gimbal is held by {}/{}: release it there".format(*self.primary))
@@ -168,8 +181,8 @@ class GimbalManager:
             return [self._request(chosen, message_id) for message_id in wanted]
         behind = Manager(autopilot.system, autopilot.component, autopilot.link, self._device_id)
         places = [behind]
-        if self._device_id > LAST_NON_MAVLINK_DEVICE and self._device_link is not None:
-            places.append(Manager(autopilot.system, self._device_id, self._device_link, self._device_id))
+        if self._gimbal_component is not None and self._device_link is not None:
+            places.append(Manager(autopilot.system, self._gimbal_component, self._device_link, self._device_id))
         return [self._request(place, message_id) for place in places for message_id in wanted]
 
     def _take(self, autopilot: Autopilot) -> list[Outgoing]:
@@ -187,15 +200,23 @@ class GimbalManager:
     def _on_manager(self, message: Message, autopilot: Autopilot) -> None:
         fields = message.fields
         key = (message.system, message.component, fields.gimbal_device_id)
+        if any(each.system != autopilot.system for each in self._managers.values()):
+            self._managers.clear()  # another vehicle was adopted
         known = self._managers.get(key)
         if known is None and len(self._managers) >= MOST_MANAGERS:
-            return
+            # A component can invent managers; the autopilot's and the gimbal's own take the place of one of those.
+            if message.component not in (autopilot.component, self._gimbal_component):
+                return
+            del self._managers[
+                next(other for other in self._managers if self.manager is None or other != self.manager.key)
+            ]
         limits = known.limits if known is not None else None
         if message.name == "GIMBAL_MANAGER_INFORMATION":
             limits = _limits(fields)
         self._managers[key] = Manager(message.system, message.component, message.link, key[2], limits)
+        self._autopilot_component = autopilot.component
         chosen = self._chosen()
-        if chosen is None or (chosen.system, chosen.component, chosen.device_id) != key:
+        if chosen is None or chosen.key != key:
             return
         if self.manager is not None:
             self.manager = chosen
@@ -204,7 +225,7 @@ class GimbalManager:
             self._on_flags(int(fields.flags))
 
     def _on_primary(self, primary: tuple[int, int], autopilot: Autopilot) -> None:
-        self.primary = primary
+        self.primary, self._primary_by = primary, self._chosen()
         ours = primary == self._ours(autopilot)
         if self.control is Control.TAKING and ours:
             self.control = Control.OURS
@@ -230,11 +251,19 @@ class GimbalManager:
             self._refuse(f"the gimbal's manager answers: {word}")
 
     def _chosen(self) -> Manager | None:
-        """The configured gimbal's manager; where none has its id, the only one."""
-        component = self._device_id if self._device_id > LAST_NON_MAVLINK_DEVICE else None
+        """The configured gimbal's manager; where none has its id, the only one.
+
+        While one controls or gives the control it is the one: another component that claims the same gimbal would hide
+        that it gave the control away. Of several that claim it the autopilot's counts.
+        """
+        if self.manager is not None and self.control in (Control.TAKING, Control.OURS):
+            return self._managers.get(self.manager.key)
+        own = self._gimbal_component
         known = self._managers.values()
-        exact = [each for each in known if each.device_id == self._device_id or each.component == component]
-        found = exact or list(self._managers.values())
+        exact = [each for each in known if each.device_id == self._device_id or each.component == own]
+        found = exact or list(known)
+        if len(exact) > 1:
+            found = [each for each in exact if each.component == self._autopilot_component]
         return found[0] if len(found) == 1 else None
 
     def _ours(self, autopilot: Autopilot) -> tuple[int, int]:

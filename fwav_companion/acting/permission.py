@@ -55,6 +55,10 @@ class Selector(msgspec.Struct, frozen=True):
     system: int
     component: int
 
+    def sent(self, message: Message) -> bool:
+        """Return whether a message bears its ids."""
+        return (message.system, message.component) == (self.system, self.component)
+
 
 class Permission:
     """The permission to act; :attr:`selector` is None while there is none."""
@@ -86,16 +90,23 @@ class Permission:
         payload's does not.
         """
         self.selector, self._heard_ns = None, None
-        by_autopilot = autopilot is not None and (command.system, command.component) == (
-            autopilot.system,
-            autopilot.component,
-        )
-        if not (self._signed or by_autopilot or command.link in self._gcs_links):
+        # With a key a command that was obeyed was signed.
+        if not self.counts(command, autopilot, signed=True):
             return SelectionRefusal.UNTRUSTED
         if not self.flies:
             return SelectionRefusal.NOT_FLYING
         self.selector, self._heard_ns = Selector(command.system, command.component), now
         return None
+
+    def counts(self, sent: Command | Message, autopilot: Autopilot | None, *, signed: bool) -> bool:
+        """Return whether a station may speak for its operator in this way."""
+        if self._signed:
+            return signed
+        by_autopilot = autopilot is not None and (sent.system, sent.component) == (
+            autopilot.system,
+            autopilot.component,
+        )
+        return by_autopilot or sent.link in self._gcs_links
 
     def withdraw(self) -> None:
         """End the permission."""
@@ -103,10 +114,9 @@ class Permission:
 
     def on_message(self, message: Message, autopilot: Autopilot | None, now: HostNs) -> End | None:
         """Take any message; the reason why it ends the permission."""
-        if self.selector is not None and (message.system, message.component) == (
-            self.selector.system,
-            self.selector.component,
-        ):
+        is_selector = self.selector is not None and self.selector.sent(message)
+        # What could not have selected does not keep the permission of a station that is gone.
+        if is_selector and self.counts(message, autopilot, signed=message.signed):
             self._heard_ns = now
         if autopilot is None or (message.system, message.component) != (autopilot.system, autopilot.component):
             return None

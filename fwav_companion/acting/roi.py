@@ -29,6 +29,9 @@ class Roi:
     def __init__(self, component: int) -> None:
         self._component = component
         self._sent: Vector3 | None = None
+        """Place of this selection that was sent last."""
+        self._is_set = False
+        """Whether the autopilot has a place of ours, of this selection or an earlier one."""
         self._due_ns: HostNs | None = None
         self._unanswered = 0
         self.refusal: str | None = None
@@ -37,14 +40,14 @@ class Roi:
         """Why the present place is not sent; None where it is."""
 
     def begin(self) -> None:
-        """Start with a new selection."""
-        self._sent, self._due_ns, self._unanswered = None, None, 0
+        """Start with a new selection. Frequent selections send no more often."""
+        self._sent, self._unanswered = None, 0
         self.refusal = self.withheld = None
 
     def clear(self, autopilot: Autopilot) -> list[Outgoing]:
         """The command that ends it, where one was sent."""
-        sent, self._sent = self._sent, None
-        return [] if sent is None else [self._command(autopilot, enums.MAV_CMD_DO_SET_ROI_NONE, 0, 0, 0.0)]
+        was_set, self._is_set, self._sent = self._is_set, False, None
+        return [] if not was_set else [self._command(autopilot, enums.MAV_CMD_DO_SET_ROI_NONE, 0, 0, 0.0)]
 
     def on_message(self, message: Message, autopilot: Autopilot | None) -> None:
         """Take the autopilot's answer."""
@@ -73,6 +76,7 @@ class Roi:
             self.refusal = "the autopilot does not answer"
             return []
         self._sent, self._due_ns = place, HostNs(now + INTERVAL_NS)
+        self._is_set = True
         self._unanswered += 1
         at = plane.geodetic_from_ned(place)
         number = enums.MAV_CMD_DO_SET_ROI_LOCATION

@@ -2,6 +2,7 @@
 
 from math import isnan, nan, radians
 
+import msgspec
 import pytest
 from acting_world import AUTOPILOT, CONFIGURE, REQUEST, T0, S, message
 
@@ -171,3 +172,55 @@ def test_messages_of_another_vehicle_are_ignored():
     manager.begin(T0)
     manager.on_message(status(NOBODY, sender=(2, 1)), AUTOPILOT)
     assert manager.primary is None
+
+
+def fakes(count, device=1):
+    return [status(OURS, device, (1, 200 + k), "payload") for k in range(count)]
+
+
+def test_control_that_is_taken_is_seen_although_another_component_claims_the_gimbal():
+    manager = held()
+    for each in [*fakes(3), status(OTHER)]:
+        manager.on_message(each, AUTOPILOT)
+    assert (manager.control, manager.taken_by) == (Control.NONE, OTHER)
+    assert manager.point(Angles(0.0, 0.0)) is None
+
+
+def test_claim_of_another_component_takes_no_control_away():
+    manager = held()
+    for each in fakes(9):
+        manager.on_message(each, AUTOPILOT)
+    manager.on_message(status(OTHER, sender=(1, 200), link="payload"), AUTOPILOT)
+    assert manager.control is Control.OURS
+    assert manager.point(Angles(0.0, 0.0)).link == "fc"
+
+
+def test_manager_of_the_autopilot_is_known_although_others_invent_managers():
+    manager = GimbalManager(1, 191)
+    manager.begin(T0)
+    for each in [*fakes(9, device=7), *fakes(9)]:
+        manager.on_message(each, AUTOPILOT)
+    manager.on_message(information(), AUTOPILOT)
+    assert numbers(manager.on_wake(T0, AUTOPILOT)) == [REQUEST, REQUEST], "its own status is awaited"
+    manager.on_message(status(NOBODY), AUTOPILOT)
+    assert numbers(manager.on_wake(T0 + S, AUTOPILOT)) == [CONFIGURE, REQUEST]
+    assert (manager.manager.component, manager.manager.link) == (1, "fc")
+
+
+def test_selections_again_and_again_ask_once_a_second():
+    manager, sent = GimbalManager(1, 191), []
+    for k in range(50):
+        manager.end(AUTOPILOT)
+        manager.begin(T0 + k * S // 10)
+        sent += manager.on_wake(T0 + k * S // 10, AUTOPILOT)
+    assert len(sent) == 2 * 5
+
+
+def test_managers_of_a_former_vehicle_are_forgotten():
+    manager = held()
+    manager.end(AUTOPILOT)
+    other = msgspec.structs.replace(AUTOPILOT, system=2)
+    manager.begin(T0)
+    manager.on_message(status(NOBODY, sender=(2, 1)), other)
+    manager.on_wake(T0 + 2 * S, other)
+    assert manager.manager.system == 2

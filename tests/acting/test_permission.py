@@ -1,5 +1,6 @@
 """Who permits to act on a target, and what ends it."""
 
+import msgspec
 import pytest
 from acting_world import AUTOPILOT, CRITICAL, STANDBY, STATION, T0, S, click, heartbeat, message, options
 
@@ -80,3 +81,21 @@ def test_five_seconds_without_the_selecting_station_end_it():
     permission.on_message(heartbeat(STATION, link="ground"), AUTOPILOT, T0 + 2 * S)
     assert permission.on_wake(T0 + 7 * S - 1) is None
     assert permission.on_wake(T0 + 7 * S) is End.STATION_SILENT
+
+
+@pytest.mark.parametrize(
+    ("signed", "link", "verified", "kept"),
+    [
+        (False, "ground", False, True),
+        (False, "tablet", False, True),
+        (False, "gimbal", False, False),  # a payload cannot select
+        (True, "ground", False, False),  # forged
+        (True, "ground", True, True),
+        (True, "fc", True, True),
+    ],
+)
+def test_only_what_could_select_keeps_the_permission_of_its_station(signed, link, verified, kept):
+    permission = selected(signed=signed, gcs_links=frozenset({"ground", "tablet"}))
+    beat = msgspec.structs.replace(heartbeat(STATION, link=link), signed=verified)
+    permission.on_message(beat, AUTOPILOT, T0 + 4 * S)
+    assert (permission.on_wake(T0 + 6 * S) is None) is kept

@@ -97,3 +97,23 @@ def test_follow_target_is_sent_five_times_a_second():
         now = T0 + k * S // 20
         count += len(follow.due(a_track(now), situation(now)))
     assert count == 25
+
+
+def test_selections_again_and_again_send_no_more_often():
+    roi, follow, sent = Roi(191), Follow(options(follow_target=True)), {"COMMAND_INT": 0, "FOLLOW_TARGET": 0}
+    for k in range(100):
+        now = T0 + k * S // 50
+        roi.begin()
+        follow.begin()
+        track = a_track(now, (20.0 + k, 0.0, 0.0))
+        for each in [*roi.due(track, situation(now), AUTOPILOT), *follow.due(track, situation(now))]:
+            sent[each.name] += 1
+    assert sent == {"COMMAND_INT": 2, "FOLLOW_TARGET": 10}
+
+
+def test_stop_clears_the_place_of_an_earlier_selection():
+    roi = Roi(191)
+    assert roi.due(a_track(T0), situation(T0), AUTOPILOT)
+    roi.begin()
+    assert [each.fields["command"] for each in roi.clear(AUTOPILOT)] == [ROI_NONE]
+    assert roi.clear(AUTOPILOT) == []
