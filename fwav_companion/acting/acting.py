@@ -14,7 +14,7 @@ from fwav_companion.acting.options import ActOptions
 from fwav_companion.acting.permission import End, Permission
 from fwav_companion.acting.pointing import Pointing
 from fwav_companion.acting.roi import Roi
-from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.types.commands import Command
 from fwav_companion.types.flight_status import ActingReport
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
@@ -29,6 +29,8 @@ ONLY_POINTING: Final = frozenset(
     {End.MODE_CHANGED, End.GIMBAL_MODE, End.CONTROL_TAKEN, End.STICK, End.GIMBAL_STUCK, End.REFUSED}
 )
 """Ends of the pointing that leave FOLLOW_TARGET alone."""
+OLDEST_PICTURE_NS: Final = 5 * NS_PER_S
+"""Age of the newest picture after which the target is not acted on: without pictures no track ends."""
 MOST_NOTICES: Final = 64
 
 
@@ -116,6 +118,8 @@ class Acting:
         end = self._permission.on_wake(now)
         if end is not None:
             self._end(end, now)
+        if self._track is not None and now - self._track.host_ns > OLDEST_PICTURE_NS:
+            self._end(End.NO_PICTURES, now)
         autopilot = situation.autopilot
         if self._permission.selector is not None and autopilot is not None:
             if self._points:

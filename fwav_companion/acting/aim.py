@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from math import asin, atan2, cos, pi
+from typing import Final
 
 import msgspec
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.geometry.vectors import Vector3, add, norm, scale, subtract
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.telemetry import GimbalAt, VehicleState
 from fwav_companion.types.tracks import Track
+
+
+MOST_AHEAD_NS: Final = 2 * NS_PER_S
+"""Longest prediction of a target by its velocity: beyond it nothing was seen or looked for, and the place is held."""
 
 
 class Angles(msgspec.Struct, frozen=True):
@@ -33,7 +38,7 @@ def apart(one: Angles, other: Angles) -> float:
 
 def target_ned(track: Track, at: HostNs) -> Vector3:
     """Position of the target at an instant, local NED, metres."""
-    return moved(track.position_ned, track.velocity_ned, (at - track.host_ns) * 1e-9)
+    return moved(track.position_ned, track.velocity_ned, _ahead_s(track, at))
 
 
 def from_vehicle_ned(track: Track, state: VehicleState, state_ns: HostNs, at: HostNs) -> Vector3 | None:
@@ -46,7 +51,11 @@ def from_vehicle_ned(track: Track, state: VehicleState, state_ns: HostNs, at: Ho
 
 def seen_target_ned(track: Track, at: HostNs) -> Vector3:
     """Position of the target at an instant in the frame of the vehicle's own reports, NED, metres."""
-    return moved(track.apparent_ned, track.velocity_ned, (at - track.host_ns) * 1e-9)
+    return moved(track.apparent_ned, track.velocity_ned, _ahead_s(track, at))
+
+
+def _ahead_s(track: Track, at: HostNs) -> float:
+    return min(at - track.host_ns, MOST_AHEAD_NS) * 1e-9
 
 
 def direction(ned: Vector3) -> Angles:

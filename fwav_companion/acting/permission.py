@@ -27,6 +27,7 @@ class End(StrEnum):
 
     STOPPED = "stopped by the operator"
     TARGET_LOST = "the target was lost"
+    NO_PICTURES = "no pictures come"
     STATION_SILENT = "the selecting station is silent"
     DISARMED = "disarmed"
     LANDED = "landed"

@@ -51,7 +51,7 @@ class CameraRestart:
             return
         self.wake_at = HostNs(self._last_ns + LEAST_INTERVAL_NS)
         self._components.camera = None
-        self._components.publisher.forget_targets()
+        self._handlers.forget_targets(now)
 
     def on_wake(self, now: HostNs) -> None:
         """Restart where that was due."""
@@ -64,7 +64,7 @@ class CameraRestart:
         self._faults.clear()
         camera.rebuild()
         components.camera = camera
-        components.publisher.forget_targets()
+        self._handlers.forget_targets(now)
         if components.spots is not None:
             components.spots.on_tracks(())
         camera.home_moved(components.telemetry.world.home_down_m)

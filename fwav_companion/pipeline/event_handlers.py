@@ -89,8 +89,13 @@ class EventHandlers:
         self._end_acting(End.REPLACED, now)
         if components.camera is not None:
             components.camera.drop_all(Reason.VEHICLE_CHANGED)
-            components.publisher.forget_targets()
+            self.forget_targets(now)
             self._target_log.settle(components.camera.settle(now), plane)
+
+    def forget_targets(self, now: HostNs) -> None:
+        """Forget the targets, whose tracks or local frame ended: they are not published and not acted on."""
+        self._components.publisher.forget_targets()
+        self._end_acting(End.TARGET_LOST, now)
 
     def _end_acting(self, end: End, now: HostNs) -> None:
         if self._components.acting is not None:
@@ -131,7 +136,7 @@ class EventHandlers:
                 case OriginSet(origin, late):
                     if late and self._components.camera is not None:
                         self._components.camera.drop_all(Reason.ORIGIN_SET)
-                        self._components.publisher.forget_targets()
+                        self.forget_targets(now)
                         self._target_log.settle(self._components.camera.settle(now), plane=None)
                     self._target_log.origin_moved_in(now, origin)
                     self.place_ground(now)
