@@ -14,7 +14,6 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.telemetry import GimbalAt, VehicleState
 from fwav_companion.types.tracks import Track
 
-
 MOST_AHEAD_NS: Final = 2 * NS_PER_S
 """Longest prediction of a target by its velocity: beyond it nothing was seen or looked for, and the place is held."""
 

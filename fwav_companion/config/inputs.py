@@ -64,8 +64,8 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Handling of a station's requests for message rates. ``merge``: they pass, our own higher rates follow, and each
     link gets what was asked for on it; true: they pass unchanged; false: they stop here."""
     relay_unsigned: bool = False
-    """With a key, on a link in [signing] accept_unsigned: whether unsigned frames that ask something of their receiver
-    go from this link to the vehicle."""
+    """With a key, on a link in [signing] accept_unsigned: whether unsigned frames that ask something of their receiver,
+    steer it, or on a gcs link stand for its sensors go from this link to the vehicle."""
     max_bytes_per_s: NotNegative = 0.0
     """Largest number of bytes a second that leave by this link; 0: 70 % of the baud rate on serial, else no limit."""
 

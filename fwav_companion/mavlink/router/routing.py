@@ -67,8 +67,8 @@ class LinkPolicy(msgspec.Struct, frozen=True):
     max_bytes_per_s: float = 0.0
     """Limit of the telemetry that leaves by this link, bytes a second; 0: no limit."""
     relay_unsigned: bool = False
-    """With a key: whether unsigned frames that request something of their receiver go from this link to the vehicle,
-    if the link accepts unsigned telemetry."""
+    """With a key: whether unsigned frames that request something of their receiver, or steer it, go from this link to
+    the vehicle, if the link accepts unsigned telemetry."""
     datagrams: bool = False
     """Whether the link carries datagrams, which usually begin and end with a frame."""
 
