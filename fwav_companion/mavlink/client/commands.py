@@ -121,7 +121,8 @@ class Commands:
     def _remember(self, command: Command, answer: CommandAnswer, now: HostNs) -> None:
         conversation = _conversation(command)
         self._done.pop(conversation, None)
-        if answer.result is CommandResult.ACCEPTED and command.number != enums.MAV_CMD_SET_MESSAGE_INTERVAL:
+        is_request = bool(answer.messages) or command.number == enums.MAV_CMD_SET_MESSAGE_INTERVAL
+        if answer.result is CommandResult.ACCEPTED and not is_request:
             # What another sends again after this is a new wish: a STOP after the STOP before a selection above all.
             self._done.clear()
         if len(self._done) >= MAX_CONVERSATIONS:
