@@ -223,7 +223,11 @@ def test_the_same_command_after_one_of_another_is_a_new_wish(camera, other):
 
 @pytest.mark.parametrize("number", [400, 512, 511], ids=["refused", "a message", "an interval"])
 def test_a_command_of_another_that_changes_nothing_leaves_a_repetition_one(camera, number):
-    commands = Commands({191: None, 100: camera})
+    def handler(command, of):
+        done = camera(command, of)
+        return CommandAnswer(CommandResult.ACCEPTED) if command.number == 511 else done
+
+    commands = Commands({191: None, 100: handler})
     for wish in ({}, {"sender": (254, 190), "command": number, "params": (148.0, 0.0)}, {}):
         commands.on_message(long(**wish), situation())
     assert len([seen for seen in camera.seen if seen.number == HANDLED]) == 1
