@@ -208,7 +208,7 @@ class Acting:
         return sent
 
     def _judge_control(self, now: HostNs) -> None:
-        """End the pointing where the manager refuses, or somebody else took the control or changed the mode."""
+        """End the pointing where the manager refuses, or another took the control or changed the mode."""
         if not self._points:
             return
         if self._gimbal.refusal is not None:

@@ -1,8 +1,8 @@
 """Takes the control of a gimbal from its manager, keeps it while the manager says so, and gives it back. Pure.
 
 The gimbal manager protocol, version 2. The two autopilots read the id -2 ("me") differently, so our real ids are sent.
-PX4 ignores commands of anyone but the primary, so nothing is commanded before the manager's status names us. Somebody
-else's control is never taken, neither at the start nor when it takes ours.
+PX4 ignores commands that do not come from the primary, so nothing is commanded before the manager's status names us.
+The control of another program is never taken, neither at the start nor when it takes ours.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ OTHER_MODES: Final = {
     enums.GIMBAL_MANAGER_FLAGS_NEUTRAL: "neutral",
     enums.GIMBAL_MANAGER_FLAGS_RC_EXCLUSIVE: "the sticks alone",
 }
-"""Words for the flags of a status that nothing of ours commands: somebody else gave the manager that mode."""
+"""Words for the flags of a status that nothing of ours commands: another program or the pilot set that mode."""
 
 
 class Control(Enum):
@@ -89,7 +89,7 @@ class GimbalManager:
         self.taken_by: tuple[int, int] | None = None
         """Who took the control from us."""
         self.new_mode: str | None = None
-        """Mode that somebody else gave the manager while we had the control; None while it has ours."""
+        """Mode that another program or the pilot set while we had the control; None while it has ours."""
         self._flags: int | None = None
         """Flags of the newest status with our control."""
         self._asked = 0

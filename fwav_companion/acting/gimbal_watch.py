@@ -1,8 +1,8 @@
 """Notices that a gimbal does not do what is commanded: the pilot's stick, or a gimbal that never moves. Pure.
 
 No message says that a pilot moves the gimbal. It had been at the command, is not at a limit, and moved away from it: a
-gimbal that lags is where some command of the last second sent it, and one that stops on its way, at a limit that nobody
-reported, came nearer to the command.
+gimbal that lags is where some command of the last second sent it. One that stops on its way, at a limit without a
+report, came nearer to the command.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ PLACE_TIME_S: Final = 0.5
 are 1 deg at 20 m, and an estimate that moves by 1 m within its claim would turn the gimbal by 3 deg before the picture
 can object."""
 PLACE_JUMP_M: Final = 3.0
-"""Difference at which the place begins anew."""
+"""Difference at which the low-pass starts at the new place."""
 LONGEST_STEP_S: Final = 0.1
 """Longest time for which one picture's error is integrated."""
 MOST_TRIM: Final = radians(20.0)

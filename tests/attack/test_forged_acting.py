@@ -42,6 +42,7 @@ def forged(draw: random.Random) -> Iterator[Message]:
             gimbal_device_id=draw.choice((0, 1, 2, 154)),
             primary_control_sysid=primary[0],
             primary_control_compid=primary[1],
+            flags=draw.getrandbits(14),
         )
         low, high = sorted((draw.uniform(-3.0, 3.0), draw.uniform(-3.0, 3.0)))
         yield message(
@@ -97,7 +98,8 @@ class Flown:
 
     def _answer(self, now: int) -> None:
         sysid, compid = self._primary
-        fields = {"gimbal_device_id": 1, "primary_control_sysid": sysid, "primary_control_compid": compid}
+        primary = {"primary_control_sysid": sysid, "primary_control_compid": compid}
+        fields = {"gimbal_device_id": 1, "flags": 0, **primary}
         self.hear(message("GIMBAL_MANAGER_STATUS", **fields), now)
 
 

@@ -70,7 +70,7 @@ def _reach(acting: ActingReport) -> str:
 
 
 def _holder(acting: ActingReport) -> str:
-    return "nobody" if acting.primary in (None, "0/0") else str(acting.primary)
+    return "no program" if acting.primary in (None, "0/0") else str(acting.primary)
 
 
 def _follow(evidence: Evidence, status: RunStatus, acting: ActingReport) -> Iterator[Finding]:
@@ -82,7 +82,7 @@ def _follow(evidence: Evidence, status: RunStatus, acting: ActingReport) -> Iter
             Level.ERROR,
             WHERE,
             problem=f"another sender is heard with follow_system_id = {system}: FOLLOW_TARGET is not sent",
-            fix="set follow_system_id to an id that nobody has",
+            fix="set follow_system_id to an unused id",
         )
     if status.autopilot is None or status.autopilot.kind != "ardupilot":
         return
@@ -92,7 +92,7 @@ def _follow(evidence: Evidence, status: RunStatus, acting: ActingReport) -> Iter
             Level.WARNING,
             WHERE,
             problem="ArduPilot ignores FOLLOW_TARGET of its own system, and follow_system_id = 0",
-            fix="set follow_system_id to an id that nobody has, and FOLL_SYSID to the same",
+            fix="set follow_system_id to an unused id, and FOLL_SYSID to the same",
         )
         return
     followed = status.parameters.get("FOLL_SYSID")
@@ -102,5 +102,5 @@ def _follow(evidence: Evidence, status: RunStatus, acting: ActingReport) -> Iter
             Level.WARNING,
             WHERE,
             problem=f"FOLL_SYSID = {followed:.0f}, and FOLLOW_TARGET comes from follow_system_id = {system}",
-            fix=f"set FOLL_SYSID to {system}; 0 means nobody from ArduPilot 4.8 on",
+            fix=f"set FOLL_SYSID to {system}; 0 means no system from ArduPilot 4.8 on",
         )

@@ -56,7 +56,7 @@ def test_what_would_be_commanded_is_said(device_id, acting, expected):
 def test_what_the_gimbal_can_do_is_said_with_its_limits():
     (finding,) = acting_findings(evidence(), status(ActingReport(point="gimbal", **HELD)))
     assert "from -90 to 30 deg in pitch, from -180 to 180 in yaw" in finding.problem
-    assert "nobody" in finding.problem
+    assert "controlled by no program" in finding.problem
 
 
 @pytest.mark.parametrize(
