@@ -3,7 +3,7 @@
 The interpreter passes its lock on only after the switch interval, 5 ms by default: each time that the loop wakes up,
 and after each of its system calls, it would wait that long for a solving thread. While a solve is computed the interval
 is therefore short; a switch is made only where the loop asks for it, so that the short interval costs the solve
-nothing else. The longest call of numpy that keeps the lock is a few hundred microseconds.
+nothing else. A call of numpy keeps the lock to its end; ``tests/benchmarks/solving.py`` measures what is left.
 """
 
 from __future__ import annotations
