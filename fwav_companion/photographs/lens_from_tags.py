@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from fwav_companion.photographs.exif_tags import FOCAL_35MM, MODEL, text_of
+from fwav_companion.photographs.exif_tags import FOCAL_35MM, FOCAL_MM, MODEL, text_of
 from fwav_companion.photographs.picture_pose import NoLens, PictureLens
 from fwav_companion.photographs.tags import PictureTags, finite_number
 
@@ -29,18 +29,26 @@ class ThermalLens(msgspec.Struct, frozen=True):
     models: tuple[str, ...]
     """Parts of EXIF Model, lower case."""
     size: tuple[int, int]
-    focal_px: float
-    """Focal length over pixel pitch."""
+    pitch_um: float
+    """Of the sensor's pixels."""
+    focal_mm: float | None
+    """None: sold with several lenses; EXIF's focal length says which one."""
 
 
 THERMAL: Final = (
-    ThermalLens(("mavic2-enterprise-advanced", "m2ea"), (640, 512), 9.12e3 / 12.0),
-    ThermalLens(("xl715",), (640, 512), 9.1e3 / 12.0),
-    ThermalLens(("boson", "x10", "teal"), (640, 512), 13.6e3 / 12.0),
-    ThermalLens(("anafithermal", "anafiusa", "anafi thermal", "anafi usa"), (320, 256), 4.3e3 / 12.0),
-    ThermalLens(("x2e", "skydio x2"), (320, 256), 9.1e3 / 12.0),
+    ThermalLens(("mavic2-enterprise-advanced", "m2ea"), (640, 512), 12.0, 9.12),
+    ThermalLens(("xl715",), (640, 512), 12.0, 9.1),
+    ThermalLens(("boson", "x10", "teal"), (640, 512), 12.0, 13.6),
+    ThermalLens(("anafithermal", "anafiusa", "anafi thermal", "anafi usa"), (320, 256), 12.0, 4.3),
+    ThermalLens(("x2e", "skydio x2"), (320, 256), 12.0, 9.1),
+    ThermalLens(("xt2",), (640, 512), 17.0, None),
+    ThermalLens(("xt2",), (336, 256), 17.0, None),
 )
-"""From OpenAthena's table of drone models (DroneModels)."""
+"""From OpenAthena's table of drone models (DroneModels); Zenmuse XT2, whose sensor is a FLIR Tau 2, from its
+MetadataExtractor.java. For the XT S public tables differ (336 x 256 of 17 um, 640 x 512 of 12 um): it is asked for.
+"""
+UNKNOWN_THERMAL: Final = ("xt s", "xts")
+"""Models whose thermal lens is not known, lower case."""
 LARGEST_THERMAL_WIDTH: Final = 1280
 
 
@@ -48,6 +56,8 @@ def lens_from_tags(tags: PictureTags) -> PictureLens | NoLens:
     """The lens by the best tag that the picture has; NoLens asks for one."""
     width, height = tags.size
     found = _dewarp(tags) or _calibrated(tags) or _thermal(tags) or _equivalent(tags)
+    if isinstance(found, NoLens):
+        return found
     if found is None:
         return NoLens("no focal length in its tags; give --hfov DEG or --camera FILE")
     if not all(LEAST_FOCAL * width < focal < LARGEST_FOCAL * width for focal in found.focal_px):
@@ -107,12 +117,24 @@ def _calibrated(tags: PictureTags) -> PictureLens | None:
     )
 
 
-def _thermal(tags: PictureTags) -> PictureLens | None:
-    """The table's lens for a picture whose size is a thermal sensor's: the 35 mm equivalent is the other camera's."""
-    model = text_of(tags, MODEL).lower()
+def _thermal(tags: PictureTags) -> PictureLens | NoLens | None:
+    """The table's lens for a picture whose size is a thermal sensor's: the 35 mm equivalent is the other camera's.
+
+    NoLens where neither table nor EXIF has this camera's focal length.
+    """
+    model = text_of(tags, MODEL)
     for lens in THERMAL:
-        if tags.size == lens.size and any(part in model for part in lens.models):
-            return lens_from_field_of_view(tags.size, lens.focal_px, THERMAL_SIGMA, "table of thermal cameras")
+        if tags.size == lens.size and any(part in model.lower() for part in lens.models):
+            focal_mm = finite_number(tags.exif.get(FOCAL_MM)) if lens.focal_mm is None else lens.focal_mm
+            if focal_mm is None or focal_mm <= 0.0:
+                return NoLens(
+                    f"{model}, a thermal camera with several lenses, and no focal length in EXIF; "
+                    "give --hfov DEG or --camera FILE"
+                )
+            focal_px = 1e3 * focal_mm / lens.pitch_um
+            return lens_from_field_of_view(tags.size, focal_px, THERMAL_SIGMA, "table of thermal cameras")
+    if max(tags.size) <= LARGEST_THERMAL_WIDTH and any(part in model.lower() for part in UNKNOWN_THERMAL):
+        return NoLens(f"{model}, a thermal camera whose lens is not known; give --hfov DEG or --camera FILE")
     return None
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import msgspec
 import pytest
 
-from fwav_companion.photographs.exif_tags import FOCAL_35MM, MAKE, MODEL
+from fwav_companion.photographs.exif_tags import FOCAL_35MM, FOCAL_MM, MAKE, MODEL
 from fwav_companion.photographs.lens_from_tags import lens_from_tags
 from fwav_companion.photographs.picture_pose import AltDatum, NoLens, NoPose, PictureLens, PicturePose
 from fwav_companion.photographs.pose_from_tags import pose_from_tags
@@ -117,6 +118,30 @@ def test_lens_of_a_thermal_picture_is_not_the_visible_camera_s() -> None:
     assert found.focal_px[0] == pytest.approx(760.0)
     unknown = PictureTags(size=(640, 512), xmp={"ImageSource": "InfraredCamera"}, exif={FOCAL_35MM: 24})
     assert isinstance(lens_from_tags(unknown), NoLens)
+
+
+@pytest.mark.parametrize(("focal_mm", "field_deg"), [(13.0, 45.4), (19.0, 31.9), (25.0, 24.6)])
+def test_lens_of_an_xt2_is_by_its_focal_length(focal_mm: float, field_deg: float) -> None:
+    tags = PictureTags(size=(640, 512), exif={MODEL: "XT2", FOCAL_MM: focal_mm, FOCAL_35MM: 40})
+    found = lens_from_tags(tags)
+    assert isinstance(found, PictureLens)
+    assert 2.0 * math.degrees(math.atan(320.0 / found.focal_px[0])) == pytest.approx(field_deg, abs=0.1)
+    assert found.source == "table of thermal cameras"
+
+
+@pytest.mark.parametrize(
+    ("size", "exif"),
+    [
+        ((640, 512), {MODEL: "XT2", FOCAL_35MM: 40}),
+        ((640, 512), {MODEL: "ZENMUSE XT S", FOCAL_MM: 19.0, FOCAL_35MM: 40}),
+        ((336, 256), {MODEL: "XT S", FOCAL_MM: 6.8}),
+    ],
+)
+def test_thermal_camera_without_known_lens_is_named(size: tuple[int, int], exif: dict[int, object]) -> None:
+    found = lens_from_tags(PictureTags(size=size, exif=exif))
+    assert isinstance(found, NoLens)
+    assert str(exif[MODEL]) in found.reason
+    assert found.reason.endswith("give --hfov DEG or --camera FILE")
 
 
 def test_xmp_of_a_struct_keeps_siblings_apart() -> None:
