@@ -154,6 +154,8 @@ def _print(answers: PlaceAnswers) -> None:
         print(note if note.startswith("WARNING") else f"assumed: {note}")
     if answers.contradiction:
         print(f"WARNING: {answers.contradiction}; the ellipse is widened")
+    if answers.unverified:
+        print(f"NOTE: {answers.unverified}")
 
 
 def is_video(given: Sequence[Path]) -> bool:
@@ -285,8 +287,7 @@ def _ground_options(arguments: argparse.Namespace) -> LocateOptions:
     from fwav_companion.photographs.picture_pose import AltDatum
     from fwav_companion.tools.locate.heights import VerticalOptions
     from fwav_companion.tools.locate.session import LocateOptions
-    from fwav_companion.tools.locate.stated_uncertainty import stated_uncertainty
-    from fwav_companion.tools.locate.world import Configured
+    from fwav_companion.tools.locate.world import Configured, stated_uncertainty
 
     for name in ("ground_alt", "takeoff_alt"):
         value = getattr(arguments, name)

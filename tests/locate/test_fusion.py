@@ -1,7 +1,4 @@
-"""One target in several pictures: the claim is right from both sides, and shared errors are found or named.
-
-Truth is chosen in a flat world by scipy's rotations; every error is drawn from the sigmas that the estimate is given.
-"""
+"""One target in several pictures: the claim is right from both sides, and shared errors are found or named."""
 
 from __future__ import annotations
 
@@ -10,61 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 
-from fwav_companion.camera import BrownConrady
 from fwav_companion.tools.locate.estimate import SightError, locate
-from fwav_companion.tools.locate.shots import SharedError, Shot, Sight, SightsEstimate
+from fwav_companion.tools.locate.shots import SharedError, Sight, SightsEstimate
 from fwav_companion.tools.locate.surfaces import FlatSurface
-
-WIDTH, HEIGHT, FOCAL = 4000, 3000, 3000.0
-LENS = BrownConrady((FOCAL, FOCAL), ((WIDTH - 1) / 2, (HEIGHT - 1) / 2), (), (WIDTH, HEIGHT))
-SHARED = np.array([2.0, 2.0, 3.0, *np.radians([0.5, 0.5, 0.5]), np.radians(3.0), 0.01, 0.5])
-OWN_M, OWN_ANGLE, RELIEF_M = 1.0, np.radians(0.3), 4.0
-FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
-def camera(azimuth_deg: float, below_deg: float, height_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position and ned_from_camera of a camera that looks at the origin from this side."""
-    away = height_m / np.tan(np.radians(below_deg))
-    at = np.array([-away * np.cos(np.radians(azimuth_deg)), -away * np.sin(np.radians(azimuth_deg)), -height_m])
-    return at, Rotation.from_euler("ZYX", [azimuth_deg, -below_deg, 0.0], degrees=True).as_matrix() @ FORWARD
-
-
-def seen(at: np.ndarray, axes: np.ndarray, target: np.ndarray, focal: float = FOCAL) -> tuple[float, float]:
-    x, y, z = axes.T @ (target - at)
-    return focal * x / z + (WIDTH - 1) / 2, focal * y / z + (HEIGHT - 1) / 2
-
-
-STILL = np.zeros(3)
-
-
-def shot(name: str, at: np.ndarray, axes: np.ndarray, velocity: np.ndarray = STILL, turn: np.ndarray = STILL) -> Shot:
-    return Shot(
-        velocity_ned=tuple(map(float, velocity)), turn=tuple(map(float, turn)),
-        name=name, camera_ned=tuple(map(float, at)), ned_from_camera=tuple(tuple(map(float, row)) for row in axes),
-        lens=LENS, own_position_m=OWN_M, own_height_m=OWN_M, own_attitude=float(OWN_ANGLE),
-    )  # fmt: skip
-
-
-def drawn_set(rng: np.random.Generator, count: int, scale: float) -> tuple[np.ndarray, SightsEstimate]:
-    """(error of the place, the estimate) of one target in ``count`` pictures; shared errors are one draw for all."""
-    target = np.array([*rng.uniform(-5, 5, 2), rng.normal() * RELIEF_M])
-    shared = rng.normal(size=9) * SHARED * scale
-    shots, sights = [], []
-    while len(shots) < count:
-        at, axes = camera(rng.uniform(0, 360), rng.uniform(40, 90), rng.uniform(40, 120))
-        own = rng.normal(size=6) * np.array([OWN_M] * 3 + [OWN_ANGLE] * 3) * scale
-        u, v = np.array(seen(at, axes, target, FOCAL / (1.0 + shared[7]))) + rng.normal(size=2)
-        if not (0 <= u < WIDTH and 0 <= v < HEIGHT):
-            continue
-        velocity, turn = rng.normal(size=3) * (3.0, 3.0, 0.5), rng.normal(size=3) * np.radians(2.0)
-        moved = at + np.array([shared[0] + own[0], shared[1] + own[1], -(shared[2] + own[2])]) + velocity * shared[8]
-        turned = Rotation.from_rotvec([0, 0, shared[6]]).as_matrix() @ axes
-        turned = turned @ Rotation.from_rotvec(shared[3:6] + own[3:] + turn * shared[8]).as_matrix()
-        shots.append(shot(str(len(shots)), moved, turned, velocity, turn))
-        sights.append(Sight(len(shots) - 1, (u, v), "t"))
-    estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
-    assert isinstance(estimate, SightsEstimate)
-    return np.array(estimate.places[0].ned) - target, estimate
+from tests.locate.drawn_sets import FORWARD, HEIGHT, RELIEF_M, SHARED, WIDTH, camera, drawn_set, seen, shot
 
 
 @pytest.mark.parametrize("count", [1, 5])
@@ -95,6 +41,37 @@ def test_errors_half_and_twice_the_claim_are_inside_or_named(scale: float) -> No
         cov = np.array(estimate.places[0].cov)[:2, :2]
         outcomes.append(error[:2] @ np.linalg.inv(cov) @ error[:2] < chi2.ppf(0.9, 2) or bool(estimate.contradiction))
     assert sum(outcomes) >= binom.ppf(0.0005, 100, 0.9)
+
+
+@pytest.mark.parametrize(("count", "who"), [(1, "1 picture cannot show whether its"), (3, "3 pictures cannot")])
+def test_few_pictures_say_that_they_cannot_show_larger_errors(count: int, who: str) -> None:
+    _, estimate = drawn_set(np.random.default_rng(13), count, 1.0)
+    assert estimate.unverified.startswith(who)
+
+
+def test_one_picture_has_the_scale_of_the_prior() -> None:
+    """Half to twice in 95 % of the flights: the root mean square of a log-normal."""
+    _, estimate = drawn_set(np.random.default_rng(13), 1, 3.0)
+    assert estimate.error_scale == pytest.approx(np.exp((np.log(2.0) / 1.96) ** 2), abs=0.01)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_many_pictures_show_the_scale_of_their_errors(scale: float) -> None:
+    rng = np.random.default_rng(14)
+    estimates = [drawn_set(rng, 20, scale)[1] for _ in range(8)]
+    assert not any(each.unverified for each in estimates)
+    assert np.mean([each.error_scale for each in estimates]) == pytest.approx(scale, rel=0.15)
+
+
+def test_pictures_that_agree_do_not_show_that_their_shared_errors_are_small() -> None:
+    """Twenty sights from one place and attitude, whose errors are all shared: the claim is that of the assumed ones."""
+    at, axes = camera(0.0, 60.0, 80.0)
+    middle = ((WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+    sights = [Sight(number, middle, "t") for number in range(20)]
+    found = locate([shot(str(n), at, axes) for n in range(20)], sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
+    assert isinstance(found, SightsEstimate)
+    assert found.error_scale < 0.7
+    assert found.places[0].budget.shared_position == pytest.approx(np.hypot(SHARED[0], SHARED[1]), rel=0.01)
 
 
 def test_heading_error_of_a_flight_is_found_from_two_sides() -> None:
@@ -139,7 +116,7 @@ def test_wrong_click_among_pictures_is_named() -> None:
     estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
     assert isinstance(estimate, SightsEstimate)
     assert "2.jpg agrees least" in estimate.contradiction
-    assert estimate.scaled_by > 1.5
+    assert estimate.error_scale > 1.5
 
 
 def test_two_targets_in_one_picture_share_its_errors() -> None:

@@ -46,6 +46,8 @@ def test_locate_resized_picture_gives_the_place_and_says_so(picture, capsys: pyt
     assert "flat ground at take-off height: give --terrain FILE for hills" in out
     assert "the true ground lies within 4 m of the flat one (one sigma), or 5% of the height above ground" in out
     assert "MGRS" in out
+    assert "NOTE: 1 picture cannot show whether its errors are larger than assumed" in out
+    assert "1 picture cannot show" in last_json(out)["unverified"]
 
 
 def test_locate_two_pictures_is_more_certain_than_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

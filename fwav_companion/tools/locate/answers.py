@@ -99,6 +99,10 @@ class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     """Errors that all pictures share, as far as the sights show them."""
     assumed: list[str]
     contradiction: str = ""
+    unverified: str = ""
+    """What the pictures are too few to show about their errors."""
+    error_scale: float = 1.0
+    """The scale of the poses' errors to the assumed ones, by which the ellipses are."""
 
 
 def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:
@@ -108,6 +112,8 @@ def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, as
         shared=[shared_as_dict(each) for each in estimate.shared],
         assumed=list(dict.fromkeys(assumed)),
         contradiction=estimate.contradiction,
+        unverified=estimate.unverified,
+        error_scale=estimate.error_scale,
     )
 
 

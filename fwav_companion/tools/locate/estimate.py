@@ -1,16 +1,17 @@
 """The places of targets that are seen in one or several pictures. PURE, numpy.
 
-Nonlinear least squares (Triggs et al. 2000) over the positions of the targets and the errors that pictures share, with
-priors. A picture's own errors are eliminated: they are part of the covariance of its sights. One sight of one target on
-the ground is the smallest case: its answer is the intersection of ray and ground.
+One sight of one target on the ground is the smallest case: its answer is the intersection of ray and ground.
 
-The ground is one more measurement of each target: its height above the surface is 0 within the surface's sigma.
+The assumed sigmas of the poses are those of a typical flight. The scale of this flight's errors to them is one more
+unknown, common to all errors of its poses: its posterior is by the marginal likelihood of the sights (Rasmussen &
+Williams, ch. 5) over a bank of scales, and the answer is that at its root mean square. A single picture has the scale
+of the prior, many follow the sights; where the sights are too few to show it, the answer says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from math import hypot, sqrt
+from collections.abc import Iterator, Sequence
+from math import exp, hypot, log, sqrt
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -29,19 +30,24 @@ from fwav_companion.tools.locate.shots import (
     Sight,
     SightsEstimate,
 )
-from fwav_companion.tools.locate.sight_rows import Array, Rows, SightCamera, across_by_pixel
+from fwav_companion.tools.locate.sight_equations import Array, Rows, SightCamera, SightProblem, across_by_pixel
 from fwav_companion.tools.locate.surfaces import Surface
 from fwav_companion.types import NoRay, Ray
 
-MOST_STEPS: Final = 25
-NEAR_ENOUGH_M: Final = 1e-5
 LEAST_TILT_SIGMAS: Final = 3.0
 """Least angle of a ray below the horizon, in sigmas of its tilt: below it the claim would reach the horizon."""
 OBSERVED: Final = 0.5
-"""Sigma over prior below which a shared error is reported."""
+"""Sigma over prior below which a shared error is reported, and above which the scale of the errors is not shown."""
 CONTRADICTION_SIGMAS: Final = 3.09
 """Normal quantile of the sum of squares beyond which the sights contradict the claim: 99.9 %."""
-GROUND: Final = -1
+SCALE_SIGMA: Final = log(2.0) / 1.959964
+"""One sigma of the logarithm of the errors' scale: half to twice those that are assumed in 95 % of the flights."""
+SCALE_STEP: Final = log(2.0) / 4.0
+"""Between the logarithms of the bank's scales: half of the prior's sigma."""
+LEAST_LOG_WEIGHT: Final = -6.0
+"""Logarithm of a scale's weight to the best one's, at which the bank ends."""
+MOST_SCALES: Final = 60
+"""Steps from 1 up, to 2**15: a click on another thing, seen by exact poses."""
 
 
 class SightError(msgspec.Struct, frozen=True):
@@ -69,10 +75,44 @@ def locate(
     starts = _starts(shots, sights, surface, shared_sigmas, labels)
     if isinstance(starts, SightError):
         return starts
-    problem = _Problem(shots, sights, surface, shared_sigmas, labels)
-    problem.shape_m = starts.shape_m
-    problem.solve(starts.places)
-    return problem.result(shots if predicted else ())
+    problem = SightProblem(shots, sights, surface, shared_sigmas, starts.shape_m)
+    problem.state[problem.shared :] = starts.places.ravel()
+    problem.solve()
+    scale, contradicts = _error_scale(problem)
+    problem.scale_errors(scale.rms)
+    problem.solve()
+    return _Answers(problem).estimate(shots if predicted else (), scale, contradicts)
+
+
+class _ErrorScale(NamedTuple):
+    """The posterior of the errors' scale to the assumed ones."""
+
+    rms: float
+    sigma: float
+    """One sigma of its logarithm."""
+
+
+def _error_scale(problem: SightProblem) -> tuple[_ErrorScale, bool]:
+    """The scale of the errors by its log-normal prior and the sights, and whether the sights contradict scale 1.
+
+    The problem is linear about its solution at scale 1 for all scales of the bank.
+    """
+    freedom = 2 * len(problem.sights) - 2 * len(problem.labels)
+    log_evidence, cost = problem.evidence()
+    weights = {0.0: log_evidence}
+    for way in (SCALE_STEP, -SCALE_STEP):
+        for step in range(1, MOST_SCALES + 1):
+            logarithm = way * step
+            problem.scale_errors(exp(logarithm))
+            weights[logarithm] = problem.evidence()[0] - 0.5 * (logarithm / SCALE_SIGMA) ** 2
+            if weights[logarithm] < max(weights.values()) + LEAST_LOG_WEIGHT:
+                break
+    logarithms = np.array(list(weights))
+    parts = np.exp(np.array(list(weights.values())) - max(weights.values()))
+    parts /= parts.sum()
+    variance = float(parts @ logarithms**2 - (parts @ logarithms) ** 2)
+    scale = _ErrorScale(sqrt(float(parts @ np.exp(2.0 * logarithms))), sqrt(variance))
+    return scale, freedom > 0 and cost > _chi_square_quantile(freedom, CONTRADICTION_SIGMAS)
 
 
 def _starts(
@@ -125,137 +165,55 @@ class _Starts(NamedTuple):
     """One sigma of the level by the shape of the ground about each target, metres."""
 
 
-class _Problem:
-    """Normal equations over the state: the shared errors of every group, then north, east, down of every target."""
+class _Answers:
+    """What a solved problem says about places, errors and pictures."""
 
-    def __init__(
-        self,
-        shots: Sequence[Shot],
-        sights: Sequence[Sight],
-        surface: Surface,
-        shared_sigmas: Sequence[Sequence[float]],
-        labels: Sequence[str],
-    ) -> None:
-        self.labels, self.surface, self.sights = labels, surface, sights
-        self.prior: Array = np.square(np.array(shared_sigmas, dtype=float)).ravel()  # (8 groups,)
-        self.shared = len(self.prior)
-        self.size = self.shared + 3 * len(labels)
-        self.places = [self._target(index) for index in range(len(labels))]
-        by_shot: dict[int, list[Sight]] = {}
-        for sight in sights:
-            by_shot.setdefault(sight.shot, []).append(sight)
-        self.cameras = []
-        for index, seen in by_shot.items():
-            rays = [shots[index].lens.camera_ray_and_derivatives_from_pixel(*sight.pixel) for sight in seen]
-            good = [ray for ray in rays if isinstance(ray, Ray)]
-            self.cameras.append(SightCamera(shots[index], seen, good, [labels.index(sight.label) for sight in seen]))
-        self.state: Array = np.zeros(self.size)
-        self.cov: Array = np.zeros((self.size, self.size))
-        self.cost = 0.0
-        self.shape_m: Sequence[float] = [0.0] * len(labels)
+    def __init__(self, problem: SightProblem) -> None:
+        self.problem = problem
+        self.seen = list(zip(problem.cameras, problem.rows, strict=True))
 
-    def solve(self, starts: Array) -> None:
-        """Gauss-Newton steps from the first places to the least sum of squares."""
-        self.state[self.shared :] = starts.ravel()
-        for _ in range(MOST_STEPS):
-            normal, right, self.cost = self._normal_equations()
-            self.cov = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-            step = self.cov @ right
-            self.state += step
-            if np.abs(step[self.shared :]).max() < NEAR_ENOUGH_M:
-                break
-        *_, self.cost = self._normal_equations()
-
-    def _target(self, index: int) -> slice:
-        first = self.shared + 3 * index
-        return slice(first, first + 3)
-
-    def _normal_equations(self) -> tuple[Array, Array, float]:
-        """(A^T W A, A^T W (measured - predicted), sum of squares)."""
-        normal, right, cost = np.zeros((self.size, self.size)), np.zeros(self.size), 0.0
-        known = self.prior > 0.0
-        diagonal = np.where(known, 1.0 / np.where(known, self.prior, 1.0), 1e18)  # an exact error stays 0
-        normal[range(self.shared), range(self.shared)] = diagonal
-        right[: self.shared] = -diagonal * self.state[: self.shared]
-        cost += float(np.sum(diagonal * self.state[: self.shared] ** 2))
-        for camera in self.cameras:
-            e, jacobian, covariance, _ = camera.rows(self.state, self.places)
-            weight = np.linalg.inv(covariance)
-            normal += jacobian.T @ weight @ jacobian
-            right -= jacobian.T @ weight @ e
-            cost += float(e @ weight @ e)
-        for index in range(len(self.labels)):
-            row = self._ground_row(index)
-            if row is None:
-                continue
-            above, gradient, sigma = row
-            at = self._target(index)
-            normal[at, at] += np.outer(gradient, gradient) / sigma**2
-            right[at] -= gradient * above / sigma**2
-            cost += above**2 / sigma**2
-        return normal, right, cost
-
-    def _ground_row(self, index: int) -> tuple[float, Array, float] | None:
-        """(height below the surface, its gradient, sigma) of a target; None outside the surface."""
-        north, east, down = self.state[self._target(index)]
-        level = self.surface.level(north, east)
-        if level is None:
-            return None
-        return (
-            float(down - level[0]),
-            np.array([-level[1], -level[2], 1.0]),
-            hypot(1e-3, self.shape_m[index], self.surface.sigma_m(self._height(index), float(north), float(east))),
-        )
-
-    def _height(self, index: int) -> float:
-        """Height of the lowest camera that sees a target above it, metres."""
-        down = float(self.state[self._target(index)][2])
-        return min(down - float(c.centre[2]) for c in self.cameras if index in c.targets)
-
-    def result(self, shots: Sequence[Shot] = ()) -> SightsEstimate:
-        """The places, with the contradiction and its factor on all sigmas. ``shots``: those to predict pixels in."""
-        freedom = 2 * len(self.sights) - 2 * len(self.labels)
-        scaled, contradiction = 1.0, ""
-        rows = {id(camera): camera.rows(self.state, self.places) for camera in self.cameras}
-        if freedom > 0 and self.cost > _chi_square_quantile(freedom, CONTRADICTION_SIGMAS):
-            scaled = sqrt(self.cost / freedom)
-            worst = max(self.cameras, key=lambda c: _square(rows[id(c)]) / len(c.sights))
+    def estimate(self, shots: Sequence[Shot], scale: _ErrorScale, contradicts: bool) -> SightsEstimate:
+        """All places; ``shots``: those to predict pixels in."""
+        contradiction = unverified = ""
+        if contradicts:
+            worst, _ = max(self.seen, key=lambda each: _square(*each) / len(each[0].sights))
             contradiction = (
-                f"the pictures contradict one another beyond their claimed errors (by {scaled:.1f} times); "
+                f"the pictures contradict one another beyond their claimed errors (by {scale.rms:.1f} times); "
                 f"{worst.shot.name} agrees least"
             )
+        elif scale.sigma > OBSERVED * SCALE_SIGMA:
+            unverified = _unverified(len(self.problem.cameras))
         places = tuple(
-            msgspec.structs.replace(
-                self._place(index, rows, scaled), predictions=tuple(self._predictions(index, shots, scaled))
-            )
-            for index in range(len(self.labels))
+            self._place(index, tuple(self._predictions(index, shots))) for index in range(len(self.problem.labels))
         )
-        return SightsEstimate(places, self._shared_estimates(), contradiction, scaled)
+        return SightsEstimate(places, self._shared_estimates(), contradiction, unverified, scale.rms)
 
-    def _place(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Place:
-        at = self._target(index)
-        north, east, down = (float(x) for x in self.state[at])
-        cov = self.cov[at, at] * scaled**2
+    def _place(self, index: int, predictions: tuple[PixelPrediction, ...]) -> Place:
+        problem = self.problem
+        at = problem.target(index)
+        north, east, down = (float(x) for x in problem.state[at])
         residuals = []
-        for camera in self.cameras:
-            e, _, covariance, _ = rows[id(camera)]
+        for camera, rows in self.seen:
+            e, covariance = rows[0], camera.covariance(rows)
             for i, target in enumerate(camera.targets):
                 if target == index:
                     part = slice(2 * i, 2 * i + 2)
                     size = sqrt(float(e[part] @ np.linalg.inv(covariance[part, part]) @ e[part]))
                     residuals.append(Residual(camera.sights[i].shot, self._pixel(camera, index), size))
         return Place(
-            self.labels[index],
+            problem.labels[index],
             (north, east, down),
-            _matrix(cov),
-            self._budget(index, rows, scaled),
+            _matrix(problem.cov[at, at]),
+            self._budget(index),
             tuple(residuals),
-            self._height(index),
+            problem.height_m(index),
+            predictions,
         )
 
-    def _predictions(self, index: int, shots: Sequence[Shot], scaled: float) -> Iterator[PixelPrediction]:
+    def _predictions(self, index: int, shots: Sequence[Shot]) -> Iterator[PixelPrediction]:
         """A sight without noise at the predicted pixel has the covariance of the prediction: its rows are 0 there."""
-        seen = {sight.shot for sight in self.sights if sight.label == self.labels[index]}
+        problem = self.problem
+        seen = {sight.shot for sight in problem.sights if sight.label == problem.labels[index]}
         for number, shot in enumerate(shots):
             if number in seen:
                 continue
@@ -263,27 +221,30 @@ class _Problem:
             ray = None if pixel is None else shot.lens.camera_ray_and_derivatives_from_pixel(*pixel)
             if pixel is None or not isinstance(ray, Ray):
                 continue
-            sight = Sight(number, pixel, self.labels[index], 0.0)
-            _, jacobian, own, _ = SightCamera(shot, (sight,), (ray,), (index,)).rows(self.state, self.places)
-            across = jacobian @ self.cov @ jacobian.T + own  # (2, 2)
+            sight = Sight(number, pixel, problem.labels[index], 0.0)
+            camera = SightCamera(shot, (sight,), (ray,), (index,), problem.scale)
+            rows = camera.rows(problem.state, problem.places)
+            across = rows[1] @ problem.cov @ rows[1].T + camera.covariance(rows)  # (2, 2)
             inverse = np.linalg.inv(across_by_pixel(ray))
-            cov = scaled**2 * inverse @ across @ inverse.T
+            cov = inverse @ across @ inverse.T
             (a, b), (_, d) = cov.tolist()
             yield PixelPrediction(number, pixel, ((a, b), (b, d)))
 
     def _pixel(self, camera: SightCamera, index: int) -> tuple[float, float] | None:
-        centre, rotation = camera.corrected(self.state)
-        p = rotation.T @ (self.state[self._target(index)] - centre)
+        centre, rotation = camera.corrected(self.problem.state)
+        p = rotation.T @ (self.problem.state[self.problem.target(index)] - centre)
         pixel = camera.shot.lens.pixel_from_camera_point((float(p[0]), float(p[1]), float(p[2])))
         return None if isinstance(pixel, NoRay) else pixel
 
-    def _budget(self, index: int, rows: Mapping[int, Rows], scaled: float) -> Budget:
+    def _budget(self, index: int) -> Budget:
         """Each cause's part of the covariance: gain times the cause's covariance times the gain."""
-        first = self.shared + 3 * index
-        gain_rows = self.cov[first : first + 2]  # (2, n)
+        problem = self.problem
+        first = problem.target(index).start
+        gain_rows = problem.cov[first : first + 2]  # (2, n)
         pixel = place = attitude = ground = 0.0
-        for camera in self.cameras:
-            _, jacobian, covariance, by_own = rows[id(camera)]
+        for camera, rows in self.seen:
+            _, jacobian, _, by_own = rows
+            covariance = camera.covariance(rows)
             gain = gain_rows @ jacobian.T @ np.linalg.inv(covariance)  # (2, 2 k)
             own = gain @ by_own
             of_place, of_turn = (
@@ -292,31 +253,37 @@ class _Problem:
             place, attitude = place + of_place, attitude + of_turn
             total = float(np.trace(gain @ covariance @ gain.T))
             pixel += max(0.0, total - of_place - of_turn)
-        for other in range(len(self.labels)):
-            row = self._ground_row(other)
+        for other, row in enumerate(problem.ground_rows):
             if row is not None:
-                gain = gain_rows[:, self._target(other)] @ row[1] / row[2] ** 2
+                gain = gain_rows[:, problem.target(other)] @ row[1] / row[2] ** 2
                 ground += float(gain @ gain) * row[2] ** 2
-        safe = np.where(self.prior > 0.0, self.prior, np.inf)
-        shared = np.sum(gain_rows[:, : self.shared] ** 2, axis=0) / safe  # (8 groups,)
+        safe = np.where(problem.prior > 0.0, problem.prior, np.inf)
+        shared = np.sum(gain_rows[:, : problem.shared] ** 2, axis=0) / safe  # (8 groups,)
         by_error = shared.reshape(-1, SHARED_COUNT).sum(axis=0)
         position, height, mount = by_error[:2].sum(), by_error[2], by_error[3:6].sum()
         parts = (pixel, place, attitude, position, height, mount, by_error[6], by_error[7], ground, by_error[8])
-        return Budget(*(scaled * sqrt(float(part)) for part in parts))
+        return Budget(*(sqrt(float(part)) for part in parts))
 
     def _shared_estimates(self) -> tuple[SharedEstimate, ...]:
-        found = []
-        for i in range(self.shared):
-            prior, sigma = sqrt(float(self.prior[i])), sqrt(max(0.0, float(self.cov[i, i])))
-            if prior > 0.0 and sigma < OBSERVED * prior:
+        problem, found = self.problem, []
+        for i, assumed in enumerate(map(float, problem.assumed)):
+            sigma = sqrt(max(0.0, float(problem.cov[i, i])))
+            if assumed > 0.0 and sigma < OBSERVED * assumed:
                 group, error = divmod(i, SHARED_COUNT)
-                found.append(SharedEstimate(group, SharedError(error), float(self.state[i]), sigma, prior))
+                found.append(SharedEstimate(group, SharedError(error), float(problem.state[i]), sigma, assumed))
         return tuple(found)
 
 
-def _square(rows: Rows) -> float:
-    e, _, covariance, _ = rows
-    return float(e @ np.linalg.inv(covariance) @ e)
+def _unverified(pictures: int) -> str:
+    who = "1 picture cannot show whether its" if pictures == 1 else f"{pictures} pictures cannot show whether their"
+    return (
+        f"{who} errors are larger than assumed: if they are twice those, the ellipse is up to twice as large; "
+        "more pictures from other sides would show it"
+    )
+
+
+def _square(camera: SightCamera, rows: Rows) -> float:
+    return float(rows[0] @ np.linalg.inv(camera.covariance(rows)) @ rows[0])
 
 
 def _matrix(m: Any) -> Matrix3:

@@ -140,5 +140,7 @@ class SightsEstimate(msgspec.Struct, frozen=True):
     """Shared errors whose sigma fell below half of the prior's."""
     contradiction: str = ""
     """Which picture disagrees, where the sights contradict the claimed errors; empty otherwise."""
-    scaled_by: float = 1.0
-    """Factor on all sigmas by that contradiction."""
+    unverified: str = ""
+    """What the sights are too few to show about their errors; empty otherwise."""
+    error_scale: float = 1.0
+    """Root mean square of the scale of the poses' errors to the assumed ones, by which the claim is."""

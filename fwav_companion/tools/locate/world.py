@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from math import radians
 
@@ -19,6 +20,8 @@ from fwav_companion.tools.locate.shots import SHARED_COUNT, SharedError, Shot
 from fwav_companion.tools.locate.surfaces import FlatSurface, Surface, TerrainSurface
 from fwav_companion.types import Lens
 
+UNSTATED_DELAY_S = 0.01
+"""What `init` writes for the delay of a camera's own stamps; it says nothing about a video's telemetry."""
 RELIEF_M, RELIEF_PER_HEIGHT = 4.0, 0.05
 """One sigma of the relief of ground that is taken as flat: a floor, and a part of the height above ground."""
 
@@ -53,6 +56,18 @@ class Configured(msgspec.Struct, frozen=True, kw_only=True):
     heading_bias_deg: float | None = None
     terrain_m: float | None = None
     time_offset_sigma_s: float | None = None
+
+
+def stated_uncertainty(text: str) -> Configured:
+    """The numbers of [uncertainty] in a configuration that was found valid; "auto" is by the pictures' source.
+
+    The defaults that the file does not write down are those of a vehicle and do not count.
+    """
+    table = tomllib.loads(text).get("uncertainty", {})
+    if table.get("time_offset_sigma_s") == UNSTATED_DELAY_S:
+        del table["time_offset_sigma_s"]
+    known = {name: table[name] for name in Configured.__struct_fields__ if isinstance(table.get(name), int | float)}
+    return Configured(**known)
 
 
 def make_world(

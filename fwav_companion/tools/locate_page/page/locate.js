@@ -8,7 +8,7 @@ const COLOURS = ["#ff7a1a", "#2f8fff", "#16a34a", "#d946ef", "#eab308", "#ef4444
 const element = (id) => document.getElementById(id);
 
 let pictures = [];
-let state = { clicks: [], answers: { targets: [], shared: [], assumed: [], contradiction: "" }, without_place: [] };
+let state = { clicks: [], answers: { targets: [], shared: [], assumed: [], contradiction: "", unverified: "" }, without_place: [] };
 let shown = null;
 let current = "target 1";
 let asked = 0;
@@ -111,7 +111,8 @@ function draw() {
   drawStrip();
   if (document.activeElement !== element("label")) element("label").value = current;
   element("remove").disabled = !state.clicks.some((each) => each.label === current && each.file === shown);
-  element("assumed").replaceChildren(...state.answers.assumed.map((note) => {
+  const notes = [state.answers.unverified, ...state.answers.assumed].filter(Boolean);
+  element("assumed").replaceChildren(...notes.map((note) => {
     const item = document.createElement("li");
     item.textContent = note;
     return item;
