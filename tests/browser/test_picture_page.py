@@ -123,6 +123,7 @@ def test_mouse_clicks_give_a_place_that_tightens_and_is_drawn_in_the_other_pictu
     row = opened.ask("document.querySelector('#targets .row').innerText")
     assert "32T PT" in row
     assert "2 pictures" in row
+    assert "2 pictures cannot show" in opened.ask("document.querySelector('#assumed li').textContent")
     assert [each for each in opened.browser.get_log("browser") if each["level"] == "SEVERE"] == []
 
 

@@ -46,6 +46,7 @@ def test_kml_altitude_is_above_the_geoid_or_the_ground(truth: TruePicture, tmp_p
     assert placed == pytest.approx([lon, lat, 400.0], abs=0.05)
     assert placed[:2] == pytest.approx([lon, lat], abs=5e-7)
     assert "400.0 m above sea level (EGM96)" in text
+    assert "1 picture cannot show whether its errors" in text
     text, _ = written("dji_consumer", truth, tmp_path / "b.kml")
     assert point(text).findtext(f"{KML}altitudeMode") == "relativeToGround"
     assert "from the take-off" in text
@@ -54,6 +55,7 @@ def test_kml_altitude_is_above_the_geoid_or_the_ground(truth: TruePicture, tmp_p
 
 def test_geojson_third_coordinate_is_above_the_ellipsoid_or_missing(truth: TruePicture, tmp_path: Path) -> None:
     text, (lat, lon) = written("dji_rtk", truth, tmp_path / "a.geojson")
+    assert json.loads(text)["assumed"][-1].startswith("1 picture cannot show")
     feature = json.loads(text)["features"][0]
     assert feature["geometry"]["coordinates"] == pytest.approx([lon, lat, 400.0 + truth.undulation], abs=0.05)
     assert feature["properties"]["alt_datum"] == "egm96"

@@ -104,6 +104,12 @@ class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     error_scale: float = 1.0
     """The scale of the poses' errors to the assumed ones, by which the ellipses are."""
 
+    @property
+    def doubts(self) -> list[str]:
+        """What the sights say against the claim, and what they cannot show."""
+        widened = f"{self.contradiction}; the ellipse is widened" if self.contradiction else ""
+        return [line for line in (widened, self.unverified) if line]
+
 
 def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:
     """The answers in the order of the targets."""
@@ -125,7 +131,8 @@ def answer_lines(answer: PlaceAnswer) -> list[str]:
     if answer.alt_hae is not None:
         heights.append(f"{answer.alt_hae:.1f} m above the ellipsoid")
     if answer.alt_takeoff is not None:
-        heights.append(f"{answer.alt_takeoff:+.1f} m from the take-off")
+        above = round(answer.alt_takeoff, 1) + 0.0  # never -0.0
+        heights.append(f"{above:+.1f} m from the take-off")
     lines = [
         f"{answer.label}: {answer.lat:.7f}, {answer.lon:.7f}",
         f"  altitude {', '.join(heights)}; within {answer.height95_m:.1f} m (95 %)",

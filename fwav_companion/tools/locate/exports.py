@@ -46,7 +46,7 @@ def _geojson(answers: PlaceAnswers) -> bytes:
         ring = [[lon, lat] for lat, lon in reversed([*answer.outline, answer.outline[0]])]
         holds = {"label": answer.label, "what": "holds the target with 95 % probability"}
         features.append(_feature({"type": "Polygon", "coordinates": [ring]}, holds))
-    document = {"type": "FeatureCollection", "features": features, "assumed": answers.assumed}
+    document = {"type": "FeatureCollection", "features": features, "assumed": [*answers.assumed, *answers.doubts]}
     return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
 
@@ -62,7 +62,7 @@ def _kml(answers: PlaceAnswers) -> bytes:
         folder = SubElement(document, "Folder")
         label = "".join(c if c.isprintable() else "?" for c in answer.label)
         pin = _named(folder, label)
-        SubElement(pin, "description").text = "\n".join([*answer_lines(answer), *answers.assumed])
+        SubElement(pin, "description").text = "\n".join([*answer_lines(answer), *answers.assumed, *answers.doubts])
         point = SubElement(pin, "Point")
         mode, height = _altitude(answer)
         SubElement(point, "altitudeMode").text = mode
