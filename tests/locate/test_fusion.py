@@ -49,10 +49,9 @@ def test_few_pictures_say_that_they_cannot_show_larger_errors(count: int, who: s
     assert estimate.unverified.startswith(who)
 
 
-def test_one_picture_has_the_scale_of_the_prior() -> None:
-    """Half to twice in 95 % of the flights: the root mean square of a log-normal."""
+def test_one_picture_has_the_claim_of_the_assumed_errors() -> None:
     _, estimate = drawn_set(np.random.default_rng(13), 1, 3.0)
-    assert estimate.error_scale == pytest.approx(np.exp((np.log(2.0) / 1.96) ** 2), abs=0.01)
+    assert estimate.error_scale == pytest.approx(1.0, abs=0.005)
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])

@@ -2,8 +2,8 @@
 
 One sight of one target on the ground is the smallest case: its answer is the intersection of ray and ground.
 
-The assumed sigmas of the poses are those of a typical flight. The scale of this flight's errors to them is one more
-unknown, common to all errors of its poses: its posterior is by the marginal likelihood of the sights (Rasmussen &
+The assumed sigmas of the poses are root mean squares over flights. The scale of this flight's errors to them is one
+more unknown, common to all errors of its poses: its posterior is by the marginal likelihood of the sights (Rasmussen &
 Williams, ch. 5) over a bank of scales, and the answer is that at its root mean square. A single picture has the scale
 of the prior, many follow the sights; where the sights are too few to show it, the answer says so.
 """
@@ -41,7 +41,9 @@ OBSERVED: Final = 0.5
 CONTRADICTION_SIGMAS: Final = 3.09
 """Normal quantile of the sum of squares beyond which the sights contradict the claim: 99.9 %."""
 SCALE_SIGMA: Final = log(2.0) / 1.959964
-"""One sigma of the logarithm of the errors' scale: half to twice those that are assumed in 95 % of the flights."""
+"""One sigma of the logarithm of the errors' scale: half to twice its median in 95 % of the flights."""
+SCALE_MEAN: Final = -(SCALE_SIGMA**2)
+"""Of the logarithm: the scale's root mean square is 1, so that one picture's claim is that of the assumed errors."""
 SCALE_STEP: Final = log(2.0) / 4.0
 """Between the logarithms of the bank's scales: half of the prior's sigma."""
 LEAST_LOG_WEIGHT: Final = -6.0
@@ -99,12 +101,12 @@ def _error_scale(problem: SightProblem) -> tuple[_ErrorScale, bool]:
     """
     freedom = 2 * len(problem.sights) - 2 * len(problem.labels)
     log_evidence, cost = problem.evidence()
-    weights = {0.0: log_evidence}
+    weights = {0.0: log_evidence - 0.5 * (SCALE_MEAN / SCALE_SIGMA) ** 2}
     for way in (SCALE_STEP, -SCALE_STEP):
         for step in range(1, MOST_SCALES + 1):
             logarithm = way * step
             problem.scale_errors(exp(logarithm))
-            weights[logarithm] = problem.evidence()[0] - 0.5 * (logarithm / SCALE_SIGMA) ** 2
+            weights[logarithm] = problem.evidence()[0] - 0.5 * ((logarithm - SCALE_MEAN) / SCALE_SIGMA) ** 2
             if weights[logarithm] < max(weights.values()) + LEAST_LOG_WEIGHT:
                 break
     logarithms = np.array(list(weights))
