@@ -153,7 +153,7 @@ def _print(answers: PlaceAnswers) -> None:
     for note in answers.assumed:
         print(note if note.startswith("WARNING") else f"assumed: {note}")
     if answers.contradiction:
-        print(f"WARNING: {answers.contradiction}; the ellipse is widened")
+        print(f"WARNING: {answers.contradiction}")
     if answers.unverified:
         print(f"NOTE: {answers.unverified}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -105,17 +106,24 @@ def test_delay_of_a_video_is_found_from_two_directions_of_flight() -> None:
     assert np.linalg.norm(estimate.places[0].ned[:2]) < 1.0
 
 
-def test_wrong_click_among_pictures_is_named() -> None:
+@pytest.mark.parametrize(
+    ("exact", "said"), [(False, "the ellipse is widened"), (True, "the ellipse does not hold that")]
+)
+def test_wrong_click_among_pictures_is_named_and_widens_what_is_not_given_as_exact(exact: bool, said: str) -> None:
     shots, sights = [], []
     for index, azimuth in enumerate((0.0, 90.0, 180.0, 270.0)):
         at, axes = camera(azimuth, 60.0, 80.0)
-        shots.append(shot(f"{index}.jpg", at, axes))
+        taken = shot(f"{index}.jpg", at, axes)
+        own = {"own_position_m": 0.0, "own_height_m": 0.0, "own_attitude": 0.0} if exact else {}
+        shots.append(msgspec.structs.replace(taken, **own))
         target = np.array([40.0, 0.0, 0.0]) if index == 2 else np.zeros(3)
         sights.append(Sight(index, seen(at, axes, target), "t"))
-    estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(SHARED)])
+    shared = np.zeros_like(SHARED) if exact else SHARED
+    estimate = locate(shots, sights, FlatSurface(0.0, RELIEF_M), [tuple(shared)])
     assert isinstance(estimate, SightsEstimate)
     assert "2.jpg agrees least" in estimate.contradiction
-    assert estimate.error_scale > 1.5
+    assert said in estimate.contradiction
+    assert (estimate.error_scale > 1.5) is not exact
 
 
 def test_two_targets_in_one_picture_share_its_errors() -> None:

@@ -107,8 +107,7 @@ class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def doubts(self) -> list[str]:
         """What the sights say against the claim, and what they cannot show."""
-        widened = f"{self.contradiction}; the ellipse is widened" if self.contradiction else ""
-        return [line for line in (widened, self.unverified) if line]
+        return [line for line in (self.contradiction, self.unverified) if line]
 
 
 def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, assumed: Sequence[str]) -> PlaceAnswers:

@@ -50,6 +50,8 @@ LEAST_LOG_WEIGHT: Final = -6.0
 """Logarithm of a scale's weight to the best one's, at which the bank ends."""
 MOST_SCALES: Final = 60
 """Steps from 1 up, to 2**15: a click on another thing, seen by exact poses."""
+WIDER: Final = 1.05
+"""Scale above which the ellipse is wider than by the assumed errors. Poses that are given as exact stay so."""
 
 
 class SightError(msgspec.Struct, frozen=True):
@@ -178,10 +180,11 @@ class _Answers:
         """All places; ``shots``: those to predict pixels in."""
         contradiction = unverified = ""
         if contradicts:
+            widened = f"the ellipse is widened: the poses' errors are {scale.rms:.1f} times the assumed ones"
             worst, _ = max(self.seen, key=lambda each: _square(*each) / len(each[0].sights))
             contradiction = (
-                f"the pictures contradict one another beyond their claimed errors (by {scale.rms:.1f} times); "
-                f"{worst.shot.name} agrees least"
+                f"the pictures contradict one another beyond their claimed errors; {worst.shot.name} agrees least; "
+                + (widened if scale.rms > WIDER else "the ellipse does not hold that")
             )
         elif scale.sigma > OBSERVED * SCALE_SIGMA:
             unverified = _unverified(len(self.problem.cameras))

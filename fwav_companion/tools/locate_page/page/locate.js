@@ -99,7 +99,7 @@ async function ask(path, options) {
 
 function take(next) {
   state = next;
-  warn(state.answers.contradiction ? `${state.answers.contradiction}; the ellipse is widened.` : "");
+  warn(state.answers.contradiction ? `${state.answers.contradiction}.` : "");
   draw();
 }
 
