@@ -93,23 +93,23 @@ class Traffic:
         """Host from which the bytes came that are being passed on; "" where a link has only one peer."""
 
 
-class Ear:
+class LinkReceiver:
     """Callbacks from a connection to its link: received bytes, and the loss of the connection."""
 
-    __slots__ = ("heard", "lost", "refused", "traffic")
+    __slots__ = ("on_bytes", "on_lost", "refused", "traffic")
 
     def __init__(
         self,
-        heard: Callable[[bytes], bool],
-        lost: Callable[[str], None],
+        on_bytes: Callable[[bytes], bool],
+        on_lost: Callable[[str], None],
         traffic: Traffic,
         refused: Callable[[str], None] = lambda _peer: None,
     ) -> None:
-        self.heard = heard
+        self.on_bytes = on_bytes
         """Called with received bytes. Returns whether they held a valid frame that subscribes its source."""
         self.refused = refused
         """Called with the address of a peer for which there is no room."""
-        self.lost = lost
+        self.on_lost = on_lost
         """Called with the reason. Further calls have no effect."""
         self.traffic = traffic
 
@@ -124,7 +124,7 @@ class Connection(Protocol):
         """Pass on received bytes, as :meth:`Link.poll` does."""
 
     def close(self) -> None:
-        """Release the connection at once, without calling ``lost``."""
+        """Release the connection at once, without calling ``on_lost``."""
 
     def status(self) -> LinkReport:
         """Report with the entries of this kind of connection alone, for example its clients."""
@@ -133,8 +133,8 @@ class Connection(Protocol):
 class Opener(Protocol):
     """Opens one connection after the other; kinds of links differ only in their opener."""
 
-    async def open(self, ear: Ear) -> Connection:
-        """A new connection that calls ``ear``. OSError or LinkError if it cannot be opened now."""
+    async def open(self, receiver: LinkReceiver) -> Connection:
+        """A new connection that calls ``receiver``. OSError or LinkError if it cannot be opened now."""
 
     def close(self) -> None:
         """Abandon an attempt that is still under way."""

@@ -9,7 +9,17 @@ from collections.abc import Awaitable, Callable
 import msgspec
 
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import Connection, Ear, Link, LinkState, OnBytes, OnRefused, OnState, Opener, Traffic
+from fwav_companion.links.base import (
+    Connection,
+    Link,
+    LinkReceiver,
+    LinkState,
+    OnBytes,
+    OnRefused,
+    OnState,
+    Opener,
+    Traffic,
+)
 from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 from fwav_companion.types.network_status import LinkReport
 
@@ -133,7 +143,7 @@ class StayingConnected:
         loop = asyncio.get_running_loop()
         end: asyncio.Future[str] = loop.create_future()
         try:
-            self._connection = await self._opener.open(self._ear(end))
+            self._connection = await self._opener.open(self._receiver(end))
         except (OSError, LinkError) as error:
             self._went_down(reason_of(error))
             return 0.0
@@ -142,16 +152,16 @@ class StayingConnected:
         self._went_down(await end)
         return loop.time() - since
 
-    def _ear(self, end: asyncio.Future[str]) -> Ear:
-        def heard(data: bytes) -> bool:
+    def _receiver(self, end: asyncio.Future[str]) -> LinkReceiver:
+        def on_bytes(data: bytes) -> bool:
             self._traffic.bytes_in += len(data)
             return self._on_bytes(self.name, data)
 
-        def lost(why: str) -> None:
+        def on_lost(why: str) -> None:
             if not end.done():
                 end.set_result(why)
 
-        return Ear(heard, lost, self._traffic, self._refused)
+        return LinkReceiver(on_bytes, on_lost, self._traffic, self._refused)
 
     def _refused(self, peer: str) -> None:
         now_s = asyncio.get_running_loop().time()

@@ -18,7 +18,7 @@ from serial.tools import list_ports
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import STREAM_READ_BYTES, Connection, Ear
+from fwav_companion.links.base import STREAM_READ_BYTES, Connection, LinkReceiver
 from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.types.network_status import LinkReport
@@ -67,7 +67,7 @@ class SerialOpener:
         self._opening: asyncio.Task[OpenedPort] | None = None
         """The one open call under way: the next attempt waits for a hanging one and does not start another."""
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         """An open port. OSError or LinkError if the device is missing, in use, or hangs."""
         if self._opening is None:
             call = partial(find_and_open, self._url, self._identity, self._list_all)
@@ -79,7 +79,7 @@ class SerialOpener:
         opening, self._opening = self._opening, None
         opened = opening.result()
         self._identity = opened.identity or self._identity
-        return SerialConnection(opened.port, opened.device, self._url.baud, ear)
+        return SerialConnection(opened.port, opened.device, self._url.baud, receiver)
 
     def close(self) -> None:
         """Abandon the thread; a port that it still opens is closed."""
@@ -163,14 +163,14 @@ def _close(port: serial.Serial) -> None:
 class SerialConnection:
     """One open serial port."""
 
-    def __init__(self, port: serial.Serial, device: str, baud: int, ear: Ear) -> None:
+    def __init__(self, port: serial.Serial, device: str, baud: int, receiver: LinkReceiver) -> None:
         self._port = port
         self._device = device
-        self._ear = ear
+        self._receiver = receiver
         self._fd: int = port.fd
         self._loop = asyncio.get_running_loop()
         capacity = max(SMALLEST_QUEUE_BYTES, round(QUEUE_S * baud / 10))
-        self._writer = BoundedWriter(self._fd, partial(os.write, self._fd), capacity, ear)
+        self._writer = BoundedWriter(self._fd, partial(os.write, self._fd), capacity, receiver)
         self._loop.add_reader(self._fd, self._read)
 
     def send(self, data: bytes) -> None:
@@ -200,10 +200,10 @@ class SerialConnection:
             self._end(error.strerror or str(error))
             return
         if data:
-            self._ear.heard(data)
+            self._receiver.on_bytes(data)
         else:
             self._end("hung up")
 
     def _end(self, why: str) -> None:
         self._loop.remove_reader(self._fd)  # a device that is gone stays readable
-        self._ear.lost(f"{self._device}: {why}")
+        self._receiver.on_lost(f"{self._device}: {why}")

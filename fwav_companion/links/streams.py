@@ -6,7 +6,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 
-from fwav_companion.links.base import Ear
+from fwav_companion.links.base import LinkReceiver
 
 V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
 V1_AROUND, V2_AROUND = 8, 12
@@ -61,12 +61,12 @@ class BoundedWriter:
     The newest telemetry is the most useful. A chunk is always completed once its first bytes have left.
     """
 
-    def __init__(self, fd: int, write: Callable[[bytes], int], capacity: int, ear: Ear) -> None:
+    def __init__(self, fd: int, write: Callable[[bytes], int], capacity: int, receiver: LinkReceiver) -> None:
         """``write`` is the non-blocking system call on ``fd``; ``capacity`` the bytes that may wait unbegun."""
         self._fd = fd
         self._write = write
         self._capacity = capacity
-        self._ear = ear
+        self._receiver = receiver
         self._loop = asyncio.get_running_loop()
         self._begun = b""
         """Rest of the chunk whose first bytes have left."""
@@ -83,7 +83,7 @@ class BoundedWriter:
             self._write_on()
         while self._waiting_bytes > self._capacity:
             self._waiting_bytes -= len(self._waiting.popleft())
-            self._ear.traffic.dropped += 1
+            self._receiver.traffic.dropped += 1
 
     def close(self) -> None:
         """Discard the waiting bytes."""
@@ -99,13 +99,13 @@ class BoundedWriter:
                     self._begun = self._waiting.popleft()
                     self._waiting_bytes -= len(self._begun)
                 written = self._write(self._begun)
-                self._ear.traffic.bytes_out += written
+                self._receiver.traffic.bytes_out += written
                 self._begun = self._begun[written:]
         except BlockingIOError:
             pass
         except OSError as error:
             self.close()
-            self._ear.lost(error.strerror or str(error))
+            self._receiver.on_lost(error.strerror or str(error))
         self._watch()
 
     def _watch(self) -> None:

@@ -7,7 +7,7 @@ import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, Ear, Opener
+from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, LinkReceiver, Opener
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -35,12 +35,12 @@ class TcpClientOpener:
     def __init__(self, url: TcpUrl) -> None:
         self._url = url
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         """A stream to the first of the host's addresses that accepts. OSError or LinkError of the last attempt."""
         failure: OSError | LinkError = LinkError("no address")
         for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
             try:
-                return TcpStream(await connected(family, address), ear)
+                return TcpStream(await connected(family, address), receiver)
             except TimeoutError:
                 failure = LinkError(f"no answer within {CONNECT_WAIT_S:g} s")
             except OSError as error:
@@ -71,7 +71,7 @@ class TcpServerOpener:
     def __init__(self, url: TcpUrl) -> None:
         self._url = url
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         """A listening socket with its clients. OSError if the address does not exist, or is taken."""
         family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_STREAM))[0]
         sock = socket.socket(family, socket.SOCK_STREAM)
@@ -83,7 +83,7 @@ class TcpServerOpener:
         except OSError:
             sock.close()
             raise
-        return TcpServer(sock, ear)
+        return TcpServer(sock, receiver)
 
     def close(self) -> None:
         """Nothing is under way between two tries."""
@@ -92,11 +92,11 @@ class TcpServerOpener:
 class TcpStream:
     """One connected stream, from a client or to a server."""
 
-    def __init__(self, sock: socket.socket, ear: Ear) -> None:
+    def __init__(self, sock: socket.socket, receiver: LinkReceiver) -> None:
         self._socket = sock
-        self._ear = ear
+        self._receiver = receiver
         self._loop = asyncio.get_running_loop()
-        self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, ear)
+        self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, receiver)
         self._loop.add_reader(sock, self._read)
 
     def send(self, data: bytes) -> None:
@@ -123,21 +123,21 @@ class TcpStream:
         except BlockingIOError:
             return
         except OSError as error:
-            self._ear.lost(error.strerror or str(error))
+            self._receiver.on_lost(error.strerror or str(error))
             return
         if data:
-            self._ear.heard(data)
+            self._receiver.on_bytes(data)
         else:
             self._loop.remove_reader(self._socket)  # an end of file stays readable
-            self._ear.lost("closed by the peer")
+            self._receiver.on_lost("closed by the peer")
 
 
 class TcpServer:
     """Receives whole frames from each client and sends to all of them."""
 
-    def __init__(self, sock: socket.socket, ear: Ear) -> None:
+    def __init__(self, sock: socket.socket, receiver: LinkReceiver) -> None:
         self._socket = sock
-        self._ear = ear
+        self._receiver = receiver
         self._clients: dict[str, TcpStream] = {}
         """Streams by address."""
         self._valid_at: dict[str, float] = {}
@@ -178,7 +178,7 @@ class TcpServer:
                 continue
             except OSError as error:  # out of file descriptors: the socket stays readable, so close it and retry later
                 self._loop.remove_reader(self._socket)
-                self._ear.lost(error.strerror or str(error))
+                self._receiver.on_lost(error.strerror or str(error))
                 return
             self._welcome(sock, *address[:2])
 
@@ -188,32 +188,32 @@ class TcpServer:
         if len(self._clients) >= (MAX_CLIENTS - 1 if has_one else MAX_CLIENTS) and not self._make_room():
             sock.close()
             self._refused += 1
-            self._ear.refused(name)
+            self._receiver.refused(name)
             return
         sock.setblocking(False)
         _set_options(sock)
         cutter = FrameCutter()
 
-        def heard(data: bytes) -> bool:
+        def on_bytes(data: bytes) -> bool:
             whole = cutter.cut(data)
-            self._ear.traffic.source = host
-            valid = bool(whole) and self._ear.heard(whole)
+            self._receiver.traffic.source = host
+            valid = bool(whole) and self._receiver.on_bytes(whole)
             if valid:
                 self._valid_at[name] = self._loop.time()
             return valid
 
-        def lost(_why: str) -> None:
+        def on_lost(_why: str) -> None:
             self._dismiss(name)
 
         self._valid_at[name] = self._loop.time()
-        self._clients[name] = TcpStream(sock, Ear(heard, lost, self._ear.traffic))
+        self._clients[name] = TcpStream(sock, LinkReceiver(on_bytes, on_lost, self._receiver.traffic))
 
     def _make_room(self) -> bool:
         """Close the client that has sent no valid frame for longest, and for IDLE_S. Returns False if there is none."""
         name = min(self._clients, key=self._valid_at.__getitem__)
         if self._loop.time() - self._valid_at[name] < IDLE_S:
             return False
-        self._ear.refused(name)
+        self._receiver.refused(name)
         self._dismiss(name)
         return True
 

@@ -15,7 +15,7 @@ from typing import Final
 
 from fwav_companion.addresses import resolve
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import Connection, Ear
+from fwav_companion.links.base import Connection, LinkReceiver
 from fwav_companion.links.tcp import CONNECT_WAIT_S, QUEUE_BYTES, connected
 from fwav_companion.links.url import TlsUrl
 from fwav_companion.types.network_status import LinkReport
@@ -53,7 +53,7 @@ class TlsClientOpener:
         self._context = context
         self._name = server_name or url.host
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         """A verified stream to the first of the host's addresses that accepts. LinkError in words, or OSError."""
         failure: OSError | LinkError = LinkError("no address")
         for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
@@ -64,14 +64,14 @@ class TlsClientOpener:
             except OSError as error:
                 failure = error
             else:
-                return await self._shake_hands(sock, ear)
+                return await self._shake_hands(sock, receiver)
         raise failure
 
     def close(self) -> None:
         """Nothing is under way between two tries."""
 
-    async def _shake_hands(self, sock: socket.socket, ear: Ear) -> Connection:
-        loop, stream = asyncio.get_running_loop(), TlsStream(ear, self._name)
+    async def _shake_hands(self, sock: socket.socket, receiver: LinkReceiver) -> Connection:
+        loop, stream = asyncio.get_running_loop(), TlsStream(receiver, self._name)
         try:
             await loop.create_connection(
                 lambda: stream,
@@ -97,8 +97,8 @@ class TlsClientOpener:
 class TlsStream(asyncio.Protocol):
     """One connected stream to a server."""
 
-    def __init__(self, ear: Ear, server_name: str) -> None:
-        self._ear = ear
+    def __init__(self, receiver: LinkReceiver, server_name: str) -> None:
+        self._receiver = receiver
         self._name = server_name
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
@@ -116,7 +116,7 @@ class TlsStream(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Pass on received bytes: a server's own events must be drained, else it stops to read."""
-        self._ear.heard(data)
+        self._receiver.on_bytes(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Report the loss."""
@@ -124,9 +124,9 @@ class TlsStream(asyncio.Protocol):
         if self._closed:
             return
         if isinstance(exc, ssl.SSLError):
-            self._ear.lost(fault_text(exc, self._name))
+            self._receiver.on_lost(fault_text(exc, self._name))
         else:
-            self._ear.lost((isinstance(exc, OSError) and exc.strerror) or "closed by the peer")
+            self._receiver.on_lost((isinstance(exc, OSError) and exc.strerror) or "closed by the peer")
 
     def pause_writing(self) -> None:
         """Queue from here on, and give the server some time to read."""
@@ -151,7 +151,7 @@ class TlsStream(asyncio.Protocol):
         self._waiting_bytes += len(data)
         while self._waiting_bytes > QUEUE_BYTES:
             self._waiting_bytes -= len(self._waiting.popleft())
-            self._ear.traffic.dropped += 1
+            self._receiver.traffic.dropped += 1
 
     def poll(self) -> None:
         """Do nothing: asyncio reads."""
@@ -170,10 +170,10 @@ class TlsStream(asyncio.Protocol):
     def _write(self, data: bytes) -> None:
         if self.transport is not None and not self.transport.is_closing():
             self.transport.write(data)
-            self._ear.traffic.bytes_out += len(data)
+            self._receiver.traffic.bytes_out += len(data)
 
     def _stalled(self) -> None:
-        self._ear.lost(f"the server accepts the connection but has read nothing for {STALLED_S:g} s")
+        self._receiver.on_lost(f"the server accepts the connection but has read nothing for {STALLED_S:g} s")
 
     def _stop_waiting(self) -> None:
         if self._give_up is not None:

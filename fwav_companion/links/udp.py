@@ -10,7 +10,7 @@ import errno
 import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
-from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, SLICE_BYTES, Connection, Ear
+from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, SLICE_BYTES, Connection, LinkReceiver
 from fwav_companion.links.udp_clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -34,7 +34,7 @@ class UdpOpener:
     def __init__(self, url: UdpUrl) -> None:
         self._url = url
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         """A bound, connected or broadcasting socket. OSError if the address, interface or route is missing."""
         family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_DGRAM))[0]
         sock = socket.socket(family, socket.SOCK_DGRAM)
@@ -42,12 +42,12 @@ class UdpOpener:
             sock.setblocking(False)
             if self._url.kind == "udpin":
                 sock.bind(address)
-                return UdpServer(sock, ear)
+                return UdpServer(sock, receiver)
             if self._url.kind == "udpbcast":
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-                return UdpBroadcaster(sock, address, ear)
+                return UdpBroadcaster(sock, address, receiver)
             sock.connect(address)
-            return UdpClient(sock, ear)
+            return UdpClient(sock, receiver)
         except OSError:
             sock.close()
             raise
@@ -59,9 +59,9 @@ class UdpOpener:
 class UdpSocket:
     """Common part of the three kinds: drains on reception, and isolates the failure of a single datagram on sending."""
 
-    def __init__(self, sock: socket.socket, ear: Ear) -> None:
+    def __init__(self, sock: socket.socket, receiver: LinkReceiver) -> None:
         self._socket = sock
-        self._ear = ear
+        self._receiver = receiver
         self._loop = asyncio.get_running_loop()
         self._read_s = self._loop.time()
         self._loop.add_reader(sock, self._on_readable)
@@ -103,7 +103,7 @@ class UdpSocket:
             if size >= SLICE_BYTES:
                 break
         if datagrams:
-            self._ear.heard(datagrams[0] if len(datagrams) == 1 else b"".join(datagrams))
+            self._receiver.on_bytes(datagrams[0] if len(datagrams) == 1 else b"".join(datagrams))
 
     def _send_to(self, address: SocketAddress, data: bytes) -> None:
         try:
@@ -111,12 +111,12 @@ class UdpSocket:
         except OSError as error:
             self._failed(error)
         else:
-            self._ear.traffic.bytes_out += len(data)
+            self._receiver.traffic.bytes_out += len(data)
 
     def _failed(self, error: OSError) -> None:
-        self._ear.traffic.dropped += 1
+        self._receiver.traffic.dropped += 1
         if error.errno in ROUTE_GONE:
-            self._ear.lost(error.strerror or str(error))
+            self._receiver.on_lost(error.strerror or str(error))
 
 
 class UdpClient(UdpSocket):
@@ -132,14 +132,14 @@ class UdpClient(UdpSocket):
         except OSError as error:
             self._failed(error)
         else:
-            self._ear.traffic.bytes_out += len(data)
+            self._receiver.traffic.bytes_out += len(data)
 
 
 class UdpBroadcaster(UdpSocket):
     """Sends to a broadcast address, and receives every answer to its port."""
 
-    def __init__(self, sock: socket.socket, address: SocketAddress, ear: Ear) -> None:
-        super().__init__(sock, ear)
+    def __init__(self, sock: socket.socket, address: SocketAddress, receiver: LinkReceiver) -> None:
+        super().__init__(sock, receiver)
         self._address = address
 
     def send(self, data: bytes) -> None:
@@ -150,8 +150,8 @@ class UdpBroadcaster(UdpSocket):
 class UdpServer(UdpSocket):
     """Receives from every sender, and sends to the senders of recent valid frames."""
 
-    def __init__(self, sock: socket.socket, ear: Ear) -> None:
-        super().__init__(sock, ear)
+    def __init__(self, sock: socket.socket, receiver: LinkReceiver) -> None:
+        super().__init__(sock, receiver)
         self._clients = Clients()
         self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)
 
@@ -195,9 +195,9 @@ class UdpServer(UdpSocket):
 
     def _deliver(self, source: SocketAddress, datagrams: list[bytes]) -> None:
         whole = self._clients.whole_frames(source, b"".join(datagrams))
-        self._ear.traffic.source = source[0]
-        if whole and self._ear.heard(whole) and not self._clients.on_valid(source, self._loop.time()):
-            self._ear.refused(host_and_port(*source[:2]))
+        self._receiver.traffic.source = source[0]
+        if whole and self._receiver.on_bytes(whole) and not self._clients.on_valid(source, self._loop.time()):
+            self._receiver.refused(host_and_port(*source[:2]))
 
     def _forget_silent(self) -> None:
         self._clients.forget_silent(self._loop.time())

@@ -57,7 +57,7 @@ class MountedCamera:
         camera_ned = add(state.position_ned, self._arm_ned(state))
         return CameraView(self._lens, ned_from_camera, camera_ned, vehicle_ned=state.position_ned)
 
-    def outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
+    def camera_view(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
         """The camera at this state in the frame of the tracks; None where it is not known.
 
         A relative world has its origin on the ground below the camera.

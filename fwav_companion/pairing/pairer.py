@@ -120,7 +120,7 @@ class Pairer:
             clock_sigma_s = vehicle.clock.sigma_s_at(placed.host_ns)
             clock_rate = vehicle.clock.rate_at(placed.host_ns)
         state = vehicle.state_at(placed.boot_ns)
-        view = None if isinstance(state, Unpaired) else self._camera.outlook(state, relative=vehicle.world.relative)
+        view = None if isinstance(state, Unpaired) else self._camera.camera_view(state, relative=vehicle.world.relative)
         poses: dict[int, CapturePose | Unpaired] = {}
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
@@ -170,7 +170,7 @@ class Pairer:
         """The camera at this host instant, in the frame of the tracks; None where it is not known."""
         both = both_clocks(host_ns, StampClock.HOST, vehicle.clock)
         state = both if isinstance(both, Unpaired) else vehicle.state_at(both[1])
-        return None if isinstance(state, Unpaired) else self._camera.outlook(state, relative=vehicle.world.relative)
+        return None if isinstance(state, Unpaired) else self._camera.camera_view(state, relative=vehicle.world.relative)
 
     def picture_rows(self, frame: Frame, clock: TwoClocks) -> PictureRows | None:
         """Rows of a frame in time, and its scale, whether or not it is paired; None without a known clock or size."""

@@ -13,7 +13,7 @@ from fwav_companion.service.camera_desk import CameraDesk
 from fwav_companion.service.network import Outbox
 from fwav_companion.service.parts import ServiceParts
 from fwav_companion.service.service_factory import make_map_link
-from fwav_companion.service.timer import NET_NS, PipelineTimer
+from fwav_companion.service.timer import FALLBACK_INTERVAL_NS, PipelineTimer
 from fwav_companion.service.witness import Witness
 from fwav_companion.types import Frame, NoFrame, Notice, NoticeCode, Outgoing
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -178,4 +178,4 @@ class Dispatcher:
         now = self._clock.now()
         self._log.faulted(context)
         self._pipeline.on_internal_fault(now)
-        self._alarm.arm(now, HostNs(now + NET_NS))
+        self._alarm.arm(now, HostNs(now + FALLBACK_INTERVAL_NS))

@@ -41,19 +41,21 @@ def make_map_link(config: Config, on_state: OnState) -> Link | None:
         raise ConfigError(f"{config.file}: [publish] {error}") from None
 
 
-def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> DetectionsIn | None:
+def make_detections(
+    config: Config, receiver: FrameReceiver, on_state: Callable[[bool, str], None]
+) -> DetectionsIn | None:
     """Intake of detections from another process."""
     url = config.detections.parsed_url
     if url is None:
         return None
     endpoint = (url.host, url.port) if isinstance(url, UdpUrl) else url.path
-    return DetectionsIn(endpoint, ears, on_state)
+    return DetectionsIn(endpoint, receiver, on_state)
 
 
 def make_vision(
     config: Config,
     image_size: tuple[int, int],
-    ears: FrameReceiver,
+    receiver: FrameReceiver,
     on_state: Callable[[VisionReport], None],
     desk: VisionDesk,
 ) -> VisionProcess | None:
@@ -62,7 +64,9 @@ def make_vision(
     if task is None:
         return None
     kept = config.record.pictures if config.record.directory else 0
-    return VisionProcess(msgspec.structs.replace(task, size=task.size or image_size), ears, on_state, desk, kept=kept)
+    return VisionProcess(
+        msgspec.structs.replace(task, size=task.size or image_size), receiver, on_state, desk, kept=kept
+    )
 
 
 def make_vision_task(config: Config) -> VisionTask | None:

@@ -19,7 +19,7 @@ BUSY_NS = 20 * NS_PER_MS
 """Interval of messages below which their handlers do all due work: no message of the service has a shorter one."""
 STEADY_NS = 100 * NS_PER_MS
 """Time for which messages must have arrived without a longer pause: autopilots send bursts with gaps in between."""
-NET_NS = 200 * NS_PER_MS
+FALLBACK_INTERVAL_NS = 200 * NS_PER_MS
 """Largest delay of due work when a busy flow stops at once; during the flow the timer rings five times a second."""
 
 
@@ -90,7 +90,7 @@ class PipelineTimer:
         self._on_ring()
 
     def _ring_ns(self, now: HostNs, due: HostNs | None, strict: HostNs | None) -> HostNs | None:
-        first = HostNs(now + NET_NS) if self._busy else due
+        first = HostNs(now + FALLBACK_INTERVAL_NS) if self._busy else due
         if first is None or strict is None:
             return first if strict is None else strict
         return min(first, strict)

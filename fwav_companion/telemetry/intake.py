@@ -91,8 +91,8 @@ class Intake:
     # Handlers.
 
     def _on_attitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        events = () if self._trim.taken_off_deg == self.trim_undone_deg else self._put_trim_back()
-        return events + self._take_attitude(EULER, decoding.attitude_from_euler(fields, self._trim.taken_off), now)
+        events = () if self._trim.correction_deg == self.trim_undone_deg else self._put_trim_back()
+        return events + self._take_attitude(EULER, decoding.attitude_from_euler(fields, self._trim.correction), now)
 
     def _on_attitude_quaternion(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         return self._take_attitude("ATTITUDE_QUATERNION", decoding.attitude_from_quaternion(fields), now)
@@ -258,7 +258,7 @@ class Intake:
         """Apply a change of ATTITUDE's trim. Stored attitudes lack the change, and are deleted."""
         if self.choice.source != EULER:
             return ()
-        self.trim_undone_deg = self._trim.taken_off_deg
+        self.trim_undone_deg = self._trim.correction_deg
         self._kept.attitudes.clear()
         return (PitchTrimUndone(self.trim_undone_deg),)
 

@@ -34,12 +34,12 @@ class DetectionsIn:
     def __init__(
         self,
         endpoint: Endpoint,
-        ears: FrameReceiver,
+        receiver: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
         """``on_state`` is called at each change with whether it listens, and why not."""
         self._endpoint = endpoint
-        self._ears = ears
+        self._receiver = receiver
         self._on_state = on_state
         self._buffer = bytearray(LARGEST_DATAGRAM)
         self._socket: socket.socket | None = None
@@ -101,9 +101,9 @@ class DetectionsIn:
                 return
             if length > LARGEST_DATAGRAM:
                 detail = f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}"
-                self._ears.on_frame(NoFrame(Reason.MALFORMED, detail))
+                self._receiver.on_frame(NoFrame(Reason.MALFORMED, detail))
             else:
-                self._ears.hear(bytes(memoryview(self._buffer)[:length]))
+                self._receiver.hear(bytes(memoryview(self._buffer)[:length]))
 
     def _tell(self, *, listens: bool, why: str) -> None:
         if listens is not self._listens:

@@ -74,7 +74,7 @@ class VisionProcess:
     def __init__(
         self,
         task: VisionTask,
-        ears: FrameReceiver,
+        receiver: FrameReceiver,
         on_state: Callable[[VisionReport], None],
         desk: VisionDesk | None = None,
         *,
@@ -85,7 +85,7 @@ class VisionProcess:
         """
         self._command = worker_command(task.python)
         self._orders = msgspec.json.encode(VisionOrders(task, kept))
-        self._ears = ears
+        self._receiver = receiver
         self._on_state = on_state
         self._desk = desk
         self._started: Started | None = None
@@ -227,7 +227,7 @@ class VisionProcess:
             return
         if not self._frozen:
             self._tell(works=True, why="")
-        self._ears.hear(data)
+        self._receiver.hear(data)
 
     def _tell(self, *, works: bool, why: str, stopped: bool = False) -> None:
         self._why, self._stopped = why, stopped

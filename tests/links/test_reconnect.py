@@ -7,7 +7,7 @@ import pytest
 
 from fwav_companion.errors import LinkError
 from fwav_companion.links import reconnect
-from fwav_companion.links.base import Connection, Ear, LinkState
+from fwav_companion.links.base import Connection, LinkReceiver, LinkState
 from fwav_companion.links.reconnect import LONGEST_DELAY_S, StayingConnected
 from fwav_companion.types.network_status import LinkReport
 
@@ -15,8 +15,8 @@ from fwav_companion.types.network_status import LinkReport
 class Plug:
     """A connection in the test's hands."""
 
-    def __init__(self, ear: Ear) -> None:
-        self.ear = ear
+    def __init__(self, receiver: LinkReceiver) -> None:
+        self.receiver = receiver
         self.sent: list[bytes] = []
         self.closed = 0
 
@@ -38,10 +38,10 @@ class Socket:
         self.plugs: list[Plug] = []
         self.closed = 0
 
-    async def open(self, ear: Ear) -> Connection:
+    async def open(self, receiver: LinkReceiver) -> Connection:
         if self.errors:
             raise self.errors.pop(0)
-        self.plugs.append(Plug(ear))
+        self.plugs.append(Plug(receiver))
         return self.plugs[-1]
 
     def close(self) -> None:
@@ -86,7 +86,7 @@ def test_up_bytes_and_counters():
         assert s.link.state is LinkState.OPENING
         await s.turns()
         s.link.send(b"out")
-        s.socket.plugs[0].ear.heard(b"in")
+        s.socket.plugs[0].receiver.on_bytes(b"in")
         assert s.states == [(True, "")]
         assert s.heard == [b"in"]
         assert s.socket.plugs[0].sent == [b"out"]
@@ -129,8 +129,8 @@ def test_a_loss_is_reported_and_a_new_connection_made():
         s.link.start()
         await s.turns()
         first = s.socket.plugs[0]
-        first.ear.lost("unplugged")
-        first.ear.lost("and again")
+        first.receiver.on_lost("unplugged")
+        first.receiver.on_lost("and again")
         await s.turns()
         assert s.states == [(True, ""), (False, "unplugged"), (True, "")]
         assert first.closed == 1
@@ -154,7 +154,7 @@ def test_only_a_connection_that_held_earns_short_pauses(
         s.link.start()
         for _ in range(3):
             await s.turns()
-            s.socket.plugs[-1].ear.lost("flaps")
+            s.socket.plugs[-1].receiver.on_lost("flaps")
         await s.turns()
         assert s.pauses == pauses
         s.link.close()
@@ -168,7 +168,7 @@ def test_a_closed_link_reports_nothing_more():
         s.link.start()
         await s.turns()
         s.link.close()
-        s.socket.plugs[0].ear.lost("late")
+        s.socket.plugs[0].receiver.on_lost("late")
         s.link.send(b"late")
         await s.turns()
         assert s.states == [(True, "")]

@@ -9,7 +9,7 @@ import pytest
 from link_listening import Listener, run, started, until
 from processes import free_port
 
-from fwav_companion.links.base import SLICE_BYTES, Ear, Traffic
+from fwav_companion.links.base import SLICE_BYTES, LinkReceiver, Traffic
 from fwav_companion.links.udp import BURST_S, UdpClient
 
 
@@ -120,7 +120,7 @@ def test_a_datagram_that_comes_alone_is_read_once(peer: socket.socket):
         with ReadsCounted(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             sock.setblocking(False)
             sock.bind(("127.0.0.1", 0))
-            client = UdpClient(sock, Ear(lambda data: not heard.append(data), heard.append, Traffic()))
+            client = UdpClient(sock, LinkReceiver(lambda data: not heard.append(data), heard.append, Traffic()))
             for count in range(1, 4):
                 await asyncio.sleep(2.0 * BURST_S)
                 peer.sendto(bytes([count]), sock.getsockname())
@@ -275,7 +275,7 @@ def test_which_errors_end_a_connection(number: int, ends: bool):
         traffic = Traffic()
         with FailingSocket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             sock.number = number
-            client = UdpClient(sock, Ear(lambda _data: None, lost.append, traffic))
+            client = UdpClient(sock, LinkReceiver(lambda _data: None, lost.append, traffic))
             client.send(b"x")
             client.close()
         assert bool(lost) == ends

@@ -14,7 +14,7 @@ from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.service.daemon import Service
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import Outbox
-from fwav_companion.service.timer import NET_NS, PipelineTimer
+from fwav_companion.service.timer import FALLBACK_INTERVAL_NS, PipelineTimer
 from fwav_companion.types import Destination, Notice, NoticeCode, Outgoing, Severity
 
 NOW = HostNs(5 * NS_PER_S)
@@ -67,8 +67,8 @@ def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Ser
         with pytest.raises(ZeroDivisionError) as fault:
             service._dispatcher.on_alarm() if not rings else rings.pop()[1]()
         service._dispatcher.on_internal_fault(None, {"message": "as the event loop has it", "exception": fault.value})
-        assert [when_s for when_s, _ in rings] == [(now + NET_NS) / NS_PER_S]
-        now = HostNs(now + NET_NS)
+        assert [when_s for when_s, _ in rings] == [(now + FALLBACK_INTERVAL_NS) / NS_PER_S]
+        now = HostNs(now + FALLBACK_INTERVAL_NS)
 
 
 def test_a_fault_at_the_end_keeps_nothing_from_being_closed(service: Service, monkeypatch: pytest.MonkeyPatch):

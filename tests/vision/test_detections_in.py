@@ -31,13 +31,13 @@ class Intake:
         self.frames: list[Frame | NoFrame] = []
         self.states: list[tuple[bool, str]] = []
         self.steps: list[ClockStep] = []
-        ears = FrameReceiver(
+        receiver = FrameReceiver(
             on_frame=self.frames.append,
             on_step=self.steps.append,
             wall_clock=WallClock(self.now, self.now + UNIX),
             clocks=lambda: (self.now, self.now + self.unix_minus_host),
         )
-        self.intake = DetectionsIn(endpoint, ears, lambda listens, why: self.states.append((listens, why)))
+        self.intake = DetectionsIn(endpoint, receiver, lambda listens, why: self.states.append((listens, why)))
 
     async def until(self, condition: Callable[[], bool]) -> None:
         async with asyncio.timeout(PATIENCE_S):
@@ -90,7 +90,7 @@ def test_each_datagram_has_its_own_arrival_time():
     async def story() -> None:
         async with listening(("127.0.0.1", 0)) as t:
             t.frames = BusyList(t, 20_000_000)
-            t.intake._ears.on_frame = t.frames.append
+            t.intake._receiver.on_frame = t.frames.append
             with sender_to(t.intake) as sender:
                 for _ in range(5):
                     sender.send(datagram(1_790_000_499.95))

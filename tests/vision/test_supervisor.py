@@ -34,9 +34,9 @@ class Daemon:
         self.frames: list[Frame] = []
         self.states: list[tuple[bool, str]] = []
         self.changed = asyncio.Event()
-        ears = FrameReceiver(self._frame, lambda step: None, WallClock(*read_clocks()))
+        receiver = FrameReceiver(self._frame, lambda step: None, WallClock(*read_clocks()))
         self.pictures: list[tuple[bytes, bytes]] = []
-        self.process = VisionProcess(task, ears, self._state, self, kept=kept)
+        self.process = VisionProcess(task, receiver, self._state, self, kept=kept)
 
     def _frame(self, frame) -> None:
         self.frames.append(frame)

@@ -17,20 +17,20 @@ send."""
 class PitchTrim:
     """Trim of the autopilot, read from its parameters; a vehicle without the parameter has no trim."""
 
-    __slots__ = ("_deg", "_options", "_vtol", "taken_off", "taken_off_deg")
+    __slots__ = ("_deg", "_options", "_vtol", "correction", "correction_deg")
 
     def __init__(self) -> None:
         self._deg = 0.0
         self._options = 0
         self._vtol = False
-        self.taken_off_deg = 0.0
+        self.correction_deg = 0.0
         """Trim that is missing in the pitch of ATTITUDE, degrees."""
-        self.taken_off = 0.0
+        self.correction = 0.0
         """Trim that is missing in the pitch of ATTITUDE, radians."""
 
     def _settle(self) -> None:
-        self.taken_off_deg = 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg
-        self.taken_off = radians(self.taken_off_deg)
+        self.correction_deg = 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg
+        self.correction = radians(self.correction_deg)
 
     def on_heartbeat(self, vehicle_type: int) -> None:
         """Take the vehicle type of a HEARTBEAT."""
