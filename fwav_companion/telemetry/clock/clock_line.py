@@ -10,6 +10,9 @@ MOST_SKEW = 600e-6
 """Largest skew of a crystal's clock: a host's own clock discipline slews by up to 500 ppm, and crystals differ by up
 to 100."""
 
+LEAST_REPORTED_RATE, RATE_SIGMAS = 200e-6, 3.0
+"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to be reported."""
+
 
 class ClockLine(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """Line of ``host_from_autopilot`` over host time near :attr:`ref_host_ns`."""
@@ -37,6 +40,12 @@ class ClockLine(msgspec.Struct, frozen=True, gc=False, kw_only=True):
         """Solution of ``host = boot + offset(host)``."""
         since_ref = boot_ns + self.offset_ns - self.ref_host_ns
         return HostNs(boot_ns + self.offset_ns + round(self.skew / (1.0 - self.skew) * since_ref))
+
+    @property
+    def differs(self) -> bool:
+        """Whether the rate differs from 1 beyond three sigmas and 200 ppm."""
+        skew2 = self.skew**2
+        return skew2 > LEAST_REPORTED_RATE**2 and skew2 > RATE_SIGMAS**2 * self.var_skew
 
     def scatter(self, host_ns: HostNs) -> float:
         """Variance of the offset at this host instant without the asymmetry of the delays, s^2."""

@@ -10,7 +10,6 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
 from fwav_companion.telemetry.clock.exchange_clock import ExchangeClock
-from fwav_companion.telemetry.clock.link_clock import Segment
 
 DECIDED_AFTER_NS = 5 * NS_PER_S
 """Time after a change before a report: a slip and a new rate look alike until the rate has been measured."""
@@ -21,8 +20,6 @@ QUIET_NS = 2 * NS_PER_S
 LEAST_REPORTED_SLIP_S, SLIP_SIGMAS = 5e-3, 3.0
 LEAST_BEFORE = 10
 """Number of exchanges before a change without which it is not a slip: the lock itself was wrong."""
-LEAST_REPORTED_RATE, RATE_SIGMAS = 200e-6, 3.0
-"""Differences of a rate from 1, absolute and in sigmas, that it must both exceed to be reported."""
 NORMAL_RATE = 100e-6
 """Difference of the rate from 1 below which a reported rate is over."""
 RATE_CHANGED = 0.02
@@ -46,12 +43,6 @@ class ClockRate(msgspec.Struct, frozen=True):
 ClockNews: TypeAlias = ClockSlipped | ClockRate
 
 
-def is_notable(line: ClockLine) -> bool:
-    """Whether the rate differs from 1 beyond three sigmas and 200 ppm."""
-    skew2 = line.skew**2
-    return skew2 > LEAST_REPORTED_RATE**2 and skew2 > RATE_SIGMAS**2 * line.var_skew
-
-
 class ClockReports:
     """Decides which changes of the clock are reported, and when."""
 
@@ -66,14 +57,14 @@ class ClockReports:
         self._rate: float | None = None
         self._seen = 0
 
-    def on_exchange(self, exchanges: ExchangeClock, ended: Segment | None, now: HostNs) -> ClockNews | None:
-        """Report after an exchange; ``ended``: the segment that it ended. None without news."""
+    def on_exchange(self, exchanges: ExchangeClock, ended: ClockLine | None, now: HostNs) -> ClockNews | None:
+        """Report after an exchange; ``ended``: the line that it ended. None without news."""
         line = exchanges.line
         if line is None:
             return None
         if ended is not None and self._seen >= LEAST_BEFORE:
-            self._before = self._before or ended.line
-            self._spread_s = sqrt(self._spread_s**2 + ended.line.scatter(now) + line.scatter(now))
+            self._before = self._before or ended
+            self._spread_s = sqrt(self._spread_s**2 + ended.scatter(now) + line.scatter(now))
             self._moved_ns = now
             if self._changed_ns is None:
                 self._changed_ns = now
@@ -88,7 +79,7 @@ class ClockReports:
         return (self._rate_news(line) if is_measured else None) or self._slip_news(line, exchanges.segment_ns)
 
     def _rate_news(self, line: ClockLine) -> ClockRate | None:
-        if is_notable(line):
+        if line.differs:
             rate = 1.0 - line.skew
             if self._rate is not None and abs(rate - self._rate) < RATE_CHANGED:
                 return None

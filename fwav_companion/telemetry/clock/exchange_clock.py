@@ -6,8 +6,6 @@ Until this is decided the claim contains both hypotheses. The line is fitted in 
 
 from __future__ import annotations
 
-from math import sqrt
-
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.clock.clock_line import ClockLine
 from fwav_companion.telemetry.clock.exchange_fit import Exchange, in_agreement, in_line
@@ -105,16 +103,10 @@ class ExchangeClock:
         """Whether more exchanges a second would help."""
         return self.in_doubt or self._locked.is_wide
 
-    def sigma_s(self, host_ns: HostNs) -> float:
-        """One sigma of the offset, seconds, suspects included."""
-        line = self.line
-        assert line is not None  # noqa: S101  (callers asked)
-        return sqrt(line.scatter(host_ns) + line.var_bias + self.suspect_s**2)
-
     def bound_s(self, now: HostNs) -> float:
-        """Bound of the offset's error, seconds, suspects included."""
+        """Bound of the offset's error without suspects, seconds."""
         assert self._ref_host_ns is not None  # noqa: S101  (there was an exchange)
-        return self._locked.bound((now - self._ref_host_ns) * 1e-9) + self.suspect_s
+        return self._locked.bound((now - self._ref_host_ns) * 1e-9)
 
     @property
     def _locked(self) -> ExchangeWindow:
