@@ -62,8 +62,11 @@ class Link(Protocol):
     def start(self) -> None:
         """Begin to connect. Called once, from a running loop."""
 
-    def send(self, data: bytes) -> None:
-        """Send whole frames without blocking. Frames that cannot leave soon are dropped and counted, never cut."""
+    def send(self, data: bytes, *, own: bool = False) -> None:
+        """Send whole frames without blocking. Frames that cannot leave soon are dropped and counted, never cut.
+
+        ``own``: the service's messages, which leave before forwarded frames that wait.
+        """
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes, without waiting for the loop."""
@@ -117,7 +120,7 @@ class LinkReceiver:
 class Connection(Protocol):
     """One open connection. It is used once: after its loss the opener opens another."""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:
         """Send whole frames as :meth:`Link.send` does."""
 
     def poll(self) -> None:

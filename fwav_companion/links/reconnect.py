@@ -91,13 +91,13 @@ class StayingConnected:
         self._task = asyncio.get_running_loop().create_task(self._stay_connected(), name=f"link {self.name}")
         self._task.add_done_callback(_tell_fault)
 
-    def send(self, data: bytes) -> None:
-        """Send whole frames now, or drop and count them."""
+    def send(self, data: bytes, *, own: bool = False) -> None:
+        """Send whole frames now, or drop and count them. ``own``: before forwarded frames that wait."""
         connection = self._connection
         if connection is None:
             self._traffic.dropped += 1
         else:
-            connection.send(data)
+            connection.send(data, own=own)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""

@@ -173,9 +173,9 @@ class SerialConnection:
         self._writer = BoundedWriter(self._fd, partial(os.write, self._fd), capacity, receiver)
         self._loop.add_reader(self._fd, self._read)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:
         """Write whole frames now, or queue them."""
-        self._writer.send(data)
+        self._writer.send(data, own=own)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""

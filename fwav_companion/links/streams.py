@@ -58,7 +58,9 @@ def _length_at(data: bytes, at: int) -> int:
 class BoundedWriter:
     """Writes the bytes that the system accepts, queues the rest, and drops the oldest unbegun chunk of a full queue.
 
-    The newest telemetry is the most useful. A chunk is always completed once its first bytes have left.
+    The newest telemetry is the most useful. A chunk is always completed once its first bytes have left. The service's
+    own chunks leave before forwarded ones and are dropped last: whoever sends more to another link than this line takes
+    must not keep LANDING_TARGET, heartbeats and the clock's requests from the autopilot.
     """
 
     def __init__(self, fd: int, write: Callable[[bytes], int], capacity: int, receiver: LinkReceiver) -> None:
@@ -70,33 +72,35 @@ class BoundedWriter:
         self._loop = asyncio.get_running_loop()
         self._begun = b""
         """Rest of the chunk whose first bytes have left."""
-        self._waiting: deque[bytes] = deque()
+        self._own: deque[bytes] = deque()
+        self._forwarded: deque[bytes] = deque()
         self._waiting_bytes = 0
         self._watching = False
         """Whether the loop reports when the system has room: exactly while bytes are left to write."""
 
-    def send(self, data: bytes) -> None:
-        """Write whole frames, now or when there is room."""
-        self._waiting.append(data)
+    def send(self, data: bytes, *, own: bool = False) -> None:
+        """Write whole frames, now or when there is room. ``own``: before forwarded ones."""
+        (self._own if own else self._forwarded).append(data)
         self._waiting_bytes += len(data)
         if not self._watching:
             self._write_on()
         while self._waiting_bytes > self._capacity:
-            self._waiting_bytes -= len(self._waiting.popleft())
+            self._waiting_bytes -= len((self._forwarded or self._own).popleft())
             self._receiver.traffic.dropped += 1
 
     def close(self) -> None:
         """Discard the waiting bytes."""
         self._begun = b""
-        self._waiting.clear()
+        self._own.clear()
+        self._forwarded.clear()
         self._watch()
 
     def _write_on(self) -> None:
         """Write until nothing is left or the system accepts no more."""
         try:
-            while self._begun or self._waiting:
+            while self._begun or self._own or self._forwarded:
                 if not self._begun:
-                    self._begun = self._waiting.popleft()
+                    self._begun = (self._own or self._forwarded).popleft()
                     self._waiting_bytes -= len(self._begun)
                 written = self._write(self._begun)
                 self._receiver.traffic.bytes_out += written
@@ -110,7 +114,7 @@ class BoundedWriter:
 
     def _watch(self) -> None:
         """Register with the loop while something is left to write, and unregister afterwards."""
-        wanted = bool(self._begun or self._waiting)
+        wanted = bool(self._begun or self._own or self._forwarded)
         if wanted and not self._watching:
             self._loop.add_writer(self._fd, self._write_on)
         elif self._watching and not wanted:

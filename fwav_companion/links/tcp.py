@@ -99,9 +99,9 @@ class TcpStream:
         self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, receiver)
         self._loop.add_reader(sock, self._read)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:
         """Write whole frames now, or queue them."""
-        self._writer.send(data)
+        self._writer.send(data, own=own)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""
@@ -146,10 +146,10 @@ class TcpServer:
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:
         """Send to each client. Without clients nothing is counted as dropped."""
         for client in list(self._clients.values()):
-            client.send(data)
+            client.send(data, own=own)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes of each client."""

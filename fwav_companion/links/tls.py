@@ -142,7 +142,7 @@ class TlsStream(asyncio.Protocol):
             self._waiting_bytes -= len(data)
             self._write(data)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # all is the service's own
         """Write a whole chunk now, or queue it; a full queue drops its oldest."""
         if not self._full:
             self._write(data)

@@ -122,7 +122,7 @@ class UdpSocket:
 class UdpClient(UdpSocket):
     """Sends to one peer, and receives from it only."""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
         """Send one datagram to the peer. A refusal reported here belongs to an earlier one: this one is sent again."""
         try:
             try:
@@ -142,7 +142,7 @@ class UdpBroadcaster(UdpSocket):
         super().__init__(sock, receiver)
         self._address = address
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
         """Broadcast one datagram."""
         self._send_to(self._address, data)
 
@@ -155,7 +155,7 @@ class UdpServer(UdpSocket):
         self._clients = Clients()
         self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
         """Send one datagram to each client. Without clients nothing is counted as dropped."""
         for address in self._clients:
             self._send_to(address, data)

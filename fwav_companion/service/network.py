@@ -63,7 +63,7 @@ class Outbox:
     def send(self, messages: Sequence[Outgoing], datagrams: Sequence[bytes], now: HostNs) -> None:
         """Send all messages in order. A message that cannot be encoded is an internal fault; the others are sent."""
         for name, data in coalesced(self._frames(messages, now)):
-            self._links[name].send(data)
+            self._links[name].send(data, own=True)
         if self._map_link is not None:
             for datagram in datagrams:
                 self._map_link.send(datagram)

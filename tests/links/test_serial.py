@@ -196,6 +196,26 @@ def test_a_line_that_takes_nothing_costs_the_oldest_and_cuts_no_frame(terminal: 
     run(story())
 
 
+def test_on_a_line_that_others_fill_the_services_own_messages_leave_first_and_whole(terminal: Terminal):
+    """Twenty times what the line takes is forwarded, as by a stranger on a station's link."""
+
+    async def story() -> None:
+        listener = Listener()
+        with started(f"serial://{terminal.path}:57600", listener) as link:
+            await listener.until_up()
+            for i in range(1000):
+                link.send(b"f" * 200)
+                if i % 50 == 49:
+                    link.send(b"own" + bytes((i // 50,)), own=True)
+            data = await terminal.read(200 * (1000 - int(link.status().dropped)) + 20 * 4)
+        last_own = data.index(b"own\x13")
+        assert [data[at + 3] for at in range(len(data)) if data[at : at + 3] == b"own"] == list(range(20))
+        assert last_own < len(data) - 2000, "they left behind the waiting frames"
+        assert len(data.replace(b"f" * 200, b"")) == 80, "a frame was cut"
+
+    run(story())
+
+
 def test_an_open_that_hangs_holds_up_nothing_and_its_late_port_is_closed(
     terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ):

@@ -62,6 +62,22 @@ def test_a_station_that_asks_gets_it_at_its_rate_from_then_on():
     assert dict(relay.node.demanded) == {QUATERNION: pytest.approx(20.0)}
 
 
+def test_a_stranger_that_asks_with_many_ids_takes_no_rate_from_a_station_that_is_heard():
+    relay = Relay()
+
+    def ask(station: Wire, hz: float, source: str) -> None:
+        frame = station.frame("COMMAND_LONG", 1, 1, 511, 0, QUATERNION, 1e6 / hz, 0, 0, 0, 0, 0)
+        relay.node.receive("ground", frame, relay.now, source)
+
+    ask(relay.ground, 20.0, "10.0.0.1")
+    relay.now = HostNs(relay.now + NS_PER_S)
+    for system in range(100, 130):
+        ask(Wire(system, 190), 1.0, "10.0.0.66")
+    assert 95 <= relay.count("ground", 5.0) <= 105
+    ask(Wire(254, 190), 40.0, "10.0.0.2")
+    assert 195 <= relay.count("ground", 5.0) <= 205, "the last place is for an address that has none"
+
+
 def test_another_vehicles_attitude_passes_untouched():
     relay = Relay()
     other = Wire(7, 1)

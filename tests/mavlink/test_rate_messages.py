@@ -18,7 +18,7 @@ ATTITUDE, VFR_HUD, SYS_STATUS = 30, 74, 1
 
 def read(frame: bytes) -> RateRequest | None:
     (raw,) = Scanner(datagrams=True).feed(frame)
-    return rate_request(raw, "ground")
+    return rate_request(raw, "ground", "")
 
 
 def interval(param1: float, param2: float, *, version: int = 2) -> bytes:

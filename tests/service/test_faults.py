@@ -26,7 +26,8 @@ class Wire:
     def __init__(self) -> None:
         self.sent = b""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, own: bool) -> None:
+        assert own, "it would wait behind forwarded frames"
         self.sent += data
 
 

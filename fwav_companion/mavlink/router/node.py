@@ -295,7 +295,7 @@ class Node:
             outs = self._router.on_ground(port, outs)
         if msgid == SETUP_SIGNING:
             received.frames = _without(received.frames, [frame])
-        request = rate_request(frame, port.name) if stream.asks_rates else None
+        request = rate_request(frame, port.name, port.source) if stream.asks_rates else None
         if request is not None:
             outs = self._admit(port, request, outs=outs, received=received, now=now)
         key, size = (msgid, sender, frame.instance), len(frame.data)

@@ -32,7 +32,10 @@ from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 FORGOTTEN_NS: Final = 60 * NS_PER_S
 """Time after a station's last heartbeat or request at which its rates are dropped."""
 MAX_ASKERS: Final = 8
-"""Stations remembered on one link; beyond it, the one silent for longest is dropped."""
+"""Stations remembered on one link. The last place is kept for a source address that has none: a stranger that speaks
+with many ids does not take the rates of a station that is heard."""
+YIELDS_NS: Final = 10 * NS_PER_S
+"""Silence after which a station yields its place to a new one: ten missed heartbeats."""
 MAX_RATES: Final = 128
 """Rates remembered for one station: twice what ArduPilot's groups hold. Unknown messages are not remembered."""
 ONCE_NS: Final = 3 * NS_PER_S
@@ -51,6 +54,8 @@ class _Asker(msgspec.Struct):
     """Requests of one station, which is identified by (system << 8 | component)."""
 
     heard_ns: HostNs
+    source: str | int
+    """Host, or the sender where the link has only one peer."""
     rates: dict[tuple[int, int], float]
     """Rate by (target system, message id), hertz; 0: the station requested a stop."""
 
@@ -68,7 +73,9 @@ class AskedRates:
             return self._note_once(request.once, now)
         asker = self._askers.get(request.sender)
         if asker is None:
-            asker = self._add(request.sender, now)
+            asker = self._add(request, now)
+            if asker is None:
+                return False
         asker.heard_ns = now
         before = dict(asker.rates)
         for msgid, hz in request.rates.items():
@@ -120,10 +127,16 @@ class AskedRates:
         self._once_ns[msgid] = HostNs(now + ONCE_NS)
         return False
 
-    def _add(self, sender: int, now: HostNs) -> _Asker:
-        if len(self._askers) >= MAX_ASKERS:
-            del self._askers[min(self._askers, key=lambda one: self._askers[one].heard_ns)]
-        asker = self._askers[sender] = _Asker(now, {})
+    def _add(self, request: RateRequest, now: HostNs) -> _Asker | None:
+        """Remember a new station; None if there is no place for it."""
+        source = request.source or request.sender
+        has_one = any(asker.source == source for asker in self._askers.values())
+        if len(self._askers) >= MAX_ASKERS - has_one:
+            silent = min(self._askers, key=lambda one: self._askers[one].heard_ns)
+            if now - self._askers[silent].heard_ns < YIELDS_NS:
+                return None
+            del self._askers[silent]
+        asker = self._askers[request.sender] = _Asker(now, source, {})
         return asker
 
 

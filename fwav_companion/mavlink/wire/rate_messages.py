@@ -34,6 +34,8 @@ class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Component id of the sender."""
     link: str
     """Name of the link on which it arrived."""
+    source: str = ""
+    """Host from which it arrived; "" where the link has only one peer."""
     target_system: int
     """0: every system."""
     target_component: int
@@ -74,7 +76,7 @@ class OwnStreams(msgspec.Struct, frozen=True):
     """Ids of the messages whose rate before our request the autopilot states; the others were measured."""
 
 
-def rate_request(frame: RawFrame, link: str) -> RateRequest | None:
+def rate_request(frame: RawFrame, link: str, source: str) -> RateRequest | None:
     """Return the request that a frame carries; None for any other frame, and for a request without a definite rate."""
     if frame.definition is None or frame.msgid not in RATE_REQUESTS:
         return None
@@ -86,6 +88,7 @@ def rate_request(frame: RawFrame, link: str) -> RateRequest | None:
         system=frame.system,
         component=frame.component,
         link=link,
+        source=source,
         target_system=frame.target_system,
         target_component=frame.target_component,
         **asked,
