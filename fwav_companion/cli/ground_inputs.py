@@ -153,7 +153,7 @@ def judged(status: RunStatus) -> tuple[str, ...]:
 
     try:
         return judged_here(load(status.config_path), status)
-    except (UserError, OSError):
+    except (UserError, OSError, ValueError):  # ValueError: a path of bytes that no path has
         return ("check: its configuration cannot be read here",)
 
 

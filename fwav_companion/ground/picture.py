@@ -14,7 +14,16 @@ from typing import Any
 from msgspec.structs import replace
 
 from fwav_companion.ground.evidence import SILENT_S, STATED_BY, SilenceTexts, newest, silent_parts
-from fwav_companion.ground.views import PastPoint, PictureUpdate, SourceView, TargetView, TextView, VehicleView
+from fwav_companion.ground.views import (
+    PastPoint,
+    PictureUpdate,
+    SourceView,
+    TargetView,
+    TextView,
+    VehicleView,
+    is_place,
+    within_range,
+)
 
 MAX_VEHICLES = 200
 MAX_TARGETS = 2000
@@ -25,6 +34,8 @@ MAX_REMOVED = 2 * MAX_TARGETS
 """Most removals that are remembered; a reader that missed older ones gets the whole picture."""
 MAX_TEXT = 200
 """Most characters of a text that are kept."""
+MAX_WORDS = 300
+"""Most characters of any other text of a vehicle."""
 GONE_S = 60.0
 """Time after which a lost or dropped target disappears, and after which a silent vehicle may yield its place."""
 FORGOTTEN_S = 1800.0
@@ -38,6 +49,7 @@ PRECEDENCE = {"text": 0, "mavlink": 1, "recording": 1, "status": 2, "fleet": 2, 
 """Rank of each kind of input: if two report the same target, the higher one counts while it is fresh."""
 FRESH_S = 3.0
 ENDED = frozenset({"lost", "dropped"})
+IMPOSSIBLE_PLACE = "its position is none on the earth. Check what sends it"
 WARNING = 4
 """MAV_SEVERITY_WARNING."""
 NOTICE = 5
@@ -87,12 +99,17 @@ class GroundPicture:
             self._appeared += 1
             self._first_unix[vehicle] = now
             self.say(vehicle, "heard for the first time", now, severity=NOTICE)
+        if "lat" in changes and not is_place(changes["lat"], changes["lon"], changes.get("alt_amsl")):
+            changes = {name: value for name, value in changes.items() if name not in ("lat", "lon", "alt_amsl")}
+            heard = {name: at for name, at in (heard or {}).items() if name != "position"}
+            self.say(vehicle, IMPOSSIBLE_PLACE, now, severity=WARNING)
+        changes = {name: each[:MAX_WORDS] if isinstance(each, str) else each for name, each in changes.items()}
         instants = dict(known.heard)
         for name, at in (heard or {}).items():
             if at is None:
                 instants.pop(name, None)
             else:
-                instants[name] = max(at, instants.get(name, at))
+                instants[name] = max(min(at, now), instants.get(name, 0.0))  # nothing is evidence of the future
         changed = replace(known, **changes, heard=instants, heard_unix=newest(instants, known.heard_unix))
         self._vehicles[vehicle] = replace(_judged(changed, known, now), revision=self._next())
         if "lat" in changes and changes["lat"] is not None:
@@ -102,6 +119,10 @@ class GroundPicture:
         """Add or replace a target. Its ``first_unix`` remains that of the first report."""
         if target.id in self._covered:
             return
+        if not is_place(target.lat, target.lon, target.alt_amsl):
+            self.say(target.vehicle, f"a target was left out: {IMPOSSIBLE_PLACE}", now, severity=WARNING)
+            return
+        target = within_range(target, now)
         known = self._targets.get(target.id)
         if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
             self.refused += 1

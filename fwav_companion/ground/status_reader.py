@@ -74,8 +74,20 @@ class StatusReader:
             except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                 self._on_strange()
             else:
-                await self._take(status) if status is not None else self._on_strange()
+                await self._take_or_report(status)
             await asyncio.sleep(PERIOD_S)
+
+    async def _take_or_report(self, status: RunStatus | None) -> None:
+        """Take a status. A fault costs this status alone: without the task an old picture would stay for good."""
+        if status is None:
+            self._on_strange()
+            return
+        try:
+            await self._take(status)
+        except Exception as error:  # noqa: BLE001  # it is logged: a file may hold any values
+            self._on_strange()
+            context = {"message": f"{self._where} was not taken", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
 
     def _on_strange(self) -> None:
         self._picture.on_source(self._where, works=False, text="not a status of fwav-companion")

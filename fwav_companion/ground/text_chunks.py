@@ -24,12 +24,13 @@ class TextChunks:
         """The whole text if this chunk completes it; otherwise None. A chunk with fewer than 50 bytes is the last."""
         if fields.id == 0:
             return str(fields.text)
+        if fields.chunk_seq >= MAX_CHUNKS:
+            return None
         key = (*sender, fields.id)
         if key not in self._open and len(self._open) >= MAX_OPEN:
             del self._open[next(iter(self._open))]
         _, _, chunks = self._open.setdefault(key, (now, fields.severity, {}))
-        if fields.chunk_seq < MAX_CHUNKS:
-            chunks[fields.chunk_seq] = fields.text
+        chunks[fields.chunk_seq] = fields.text
         last = max(chunks)
         ends = len(chunks[last].encode()) < CHUNK_CHARACTERS or last == MAX_CHUNKS - 1
         if not ends or len(chunks) <= last:
@@ -41,5 +42,5 @@ class TextChunks:
         """System, severity and text of each text whose missing chunks did not arrive; "..." replaces those chunks."""
         for key in [key for key, (since, _, _) in self._open.items() if now > since + WAIT_S]:
             _, severity, chunks = self._open.pop(key)
-            whole = "".join(chunks.get(at, "...") for at in range(max(chunks) + 1)) if chunks else ""
+            whole = "".join(chunks.get(at, "...") for at in range(max(chunks) + 1))
             yield key[0], severity, whole

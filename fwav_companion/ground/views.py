@@ -9,6 +9,12 @@ import msgspec
 
 LatLon = tuple[float, float]
 """Latitude and longitude, degrees."""
+MOST_ALTITUDE_M = 1e5
+MOST_RADIUS_M = 1e6
+"""Largest radius of a 95 % circle that is shown: beyond it nothing is known of the place."""
+OLDEST_S = 1e9
+MAX_LABEL = 64
+"""Most characters of a label, as in the fleet's messages."""
 
 
 class EllipseView(msgspec.Struct, frozen=True):
@@ -154,3 +160,24 @@ class PastPoint(msgspec.Struct, frozen=True, array_like=True):
     lat: float
     lon: float
     radius95_m: float | None = None
+
+
+def is_place(lat: float | None, lon: float | None, alt_amsl: float | None) -> bool:
+    """Whether a place is one on the earth, or is not known. Strangers and damaged frames send any number."""
+    if lat is None or lon is None:
+        return True
+    return abs(lat) <= 90.0 and abs(lon) <= 180.0 and (alt_amsl is None or abs(alt_amsl) <= MOST_ALTITUDE_M)
+
+
+def within_range(target: TargetView, now: float) -> TargetView:
+    """The target with instants that are not in the future, a short label, and a radius that shows something."""
+    radius = target.radius95_m
+    known = radius is not None and 0.0 <= radius <= MOST_RADIUS_M
+    return msgspec.structs.replace(
+        target,
+        label=target.label[:MAX_LABEL],
+        ellipse=target.ellipse if known else None,
+        radius95_m=radius if known else None,
+        first_unix=min(max(target.first_unix, now - OLDEST_S), now),
+        seen_unix=min(max(target.seen_unix, now - OLDEST_S), now),
+    )

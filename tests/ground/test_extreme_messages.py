@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import json
 import random
@@ -12,13 +13,19 @@ import msgspec
 import numpy as np
 import pytest
 from fleet_messages import NOW, shared, tracks_message
+from picture_receiver import NOW as FLOWN
+from picture_receiver import Receiver, heartbeat, position, text
 
+from fwav_companion.cli.ground_inputs import judged
 from fwav_companion.fleet.payloads import encoded
 from fwav_companion.geoid import geoid_undulation_m
+from fwav_companion.ground import status_reader
 from fwav_companion.ground.exports import cot_events, csv_table, geojson, kml, one_document
 from fwav_companion.ground.fleet_picture import FleetPicture
 from fwav_companion.ground.fusion import fleet_fusion
 from fwav_companion.ground.picture import GroundPicture
+from fwav_companion.ground.status_reader import StatusReader
+from fwav_companion.tools.doctor.run_status import run_status
 
 COVS = ((0,) * 6, (1e-300, 0, 0, 1e-300, 0, 1e-300), (9.9e7, 9.9e7, 0, 9.9e7, 0, 9.9e7), (9.9e7, 0, 0, 0, 0, 0),
         (1, 0.99, 0, 1, 0, 1))  # fmt: skip
@@ -126,3 +133,99 @@ def test_a_fault_of_the_fusion_is_raised_once_and_the_next_step_starts_anew(monk
     take(fused, "a", (48.0, 11.0), 2, NOW + 1.0)
     step(fused, NOW + 1.0)
     assert len(picture.targets) == 1
+
+
+def exports_of(picture: GroundPicture, now: float) -> list[bytes]:
+    """Every export, and the page's update."""
+    targets, vehicles = picture.targets.values(), picture.vehicles.values()
+    events = cot_events(targets, 10**18, "", vehicles=vehicles, geoid=geoid_undulation_m, now_unix=now)
+    return [
+        kml(targets, vehicles), geojson(targets, vehicles), csv_table(targets), one_document(events),
+        msgspec.json.encode(picture.update_since(0, now)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("place", ["9.0, 181.0", "91.0, 8.0", f"{'9' * 400}.0, 8.0"])
+def test_a_text_with_a_place_beyond_the_earth_makes_no_target_and_is_reported(place: str):
+    receiver = Receiver()
+    receiver.take(1, heartbeat())
+    wide = "found person 4: 48.0, 11.0, 95 % within 1" + 99 * "0" + " m"
+    for said in (f"found person 3: {place}, 95 % within 2 m", wide):
+        receiver._targets._on_text(1, 191, 5, text=said, now=FLOWN)
+    assert list(receiver.picture.targets) == ["1/4"]
+    assert receiver.picture.targets["1/4"].radius95_m is None, "such a circle shows nothing"
+    assert any(
+        "its position is none on the earth" in each.text for each in receiver.picture.update_since(0, FLOWN).texts
+    )
+    assert all(exports_of(receiver.picture, FLOWN))
+
+
+def test_a_vehicle_at_an_impossible_place_stays_where_it_was_and_its_place_grows_old():
+    receiver = Receiver()
+    receiver.take(1, heartbeat())
+    receiver.take(1, position(48.0, 11.0), now=FLOWN)
+    receiver.flush(FLOWN)
+    receiver.take(1, position(214.0, 11.0), now=FLOWN + 9.0)
+    receiver.flush(FLOWN + 9.0)
+    shown = receiver.picture.vehicles["1"]
+    assert (shown.lat, shown.lon, shown.heard["position"]) == (48.0, 11.0, FLOWN)
+    assert all(exports_of(receiver.picture, FLOWN + 9.0))
+
+
+def test_chunks_of_a_text_that_is_too_long_are_left_out():
+    receiver = Receiver()
+    receiver.take(1, heartbeat())
+    receiver.take(1, text(b"x" * 50, number=7, sequence=200))
+    receiver.flush(FLOWN + 60.0)
+    assert [each.text for each in receiver.picture.update_since(0, FLOWN).texts if "x" in each.text] == []
+
+
+IMPOSSIBLE = {
+    "future": {"autopilot": {"system": 1, "age_s": -1e9}, "intake": {"came": 1, "age_s": -1e300}},
+    "place": {"tracks": [{"track": 1, "lat": 1e300, "lon": 0.0}]},
+    "ages": {"tracks": [{"track": 1, "lat": 1.0, "lon": 2.0, "last_seen_s": 1e300, "first_seen_s": -1e300}]},
+    "claim": {"tracks": [{"track": 1, "lat": 1.0, "lon": 2.0, "cov": [1e300, 0, 0, 1e300, 0, 1e300]}]},
+    "label": {"tracks": [{"track": 1, "lat": 1.0, "lon": 2.0, "label": "\x00" * 9999}], "obstacle": "\x1b" * 9999},
+    "altitude": {"tracks": [{"track": 1, "lat": 1.0, "lon": 2.0, "alt_amsl": 1e308}]},
+    "path": {"config_path": "a\x00b"},
+}
+
+
+@pytest.mark.parametrize("kind", IMPOSSIBLE)
+def test_impossible_values_in_a_status_leave_the_picture_and_its_exports_sound(kind: str):
+    picture = GroundPicture()
+    status = run_status({"autopilot": {"system": 1, "age_s": 0.1}, "time_monotonic": 5.0, **IMPOSSIBLE[kind]})
+    reader = StatusReader("f", picture, clock=lambda: FLOWN, understand=lambda _: None, judge=judged)
+    asyncio.run(reader._take(status))
+    picture.advance(FLOWN + 9.0)
+    vehicle = picture.vehicles["1"]
+    assert vehicle.silent, "a stamp in the future is not news for ever"
+    assert len(vehicle.readiness or "") <= 300
+    assert all(abs(each.lat) <= 90.0 and FLOWN - 1e9 <= each.seen_unix <= FLOWN for each in picture.targets.values())
+    assert all(exports_of(picture, FLOWN))
+
+
+def test_a_fault_with_one_status_is_reported_and_the_next_one_is_read(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(status_reader, "PERIOD_S", 0.01)
+    path, picture, faults = tmp_path / "status.json", GroundPicture(), []
+    path.write_text('{"autopilot": {"system": 1}, "time_monotonic": 5.0}')
+
+    def judge(_status):
+        if not faults:
+            path.write_text('{"autopilot": {"system": 1}, "time_monotonic": 6.0}')
+            raise KeyError("ours")
+        return ("WARNING: slow",)
+
+    async def read() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context["exception"]))
+        clock = lambda: FLOWN + 20.0 * len(faults)  # noqa: E731
+        reader = StatusReader(str(path), picture, clock=clock, understand=run_status, judge=judge)
+        reader.start()
+        async with asyncio.timeout(30.0):
+            while not picture.vehicles:  # noqa: ASYNC110  # the picture has no event
+                await asyncio.sleep(0.01)
+        reader.close()
+
+    asyncio.run(read())
+    assert [type(each) for each in faults] == [KeyError]
+    assert picture.vehicles["1"].checks == ("WARNING: slow",)
