@@ -17,6 +17,10 @@ from fwav_companion.recording.lines import line_unix_s
 MAX_LINE_BYTES = 4_000_000
 MAX_LINES_A_TICK = 20_000
 """Most lines that one tick reads, so that the page stays responsive at any density of lines."""
+LONGEST_PAUSE_S = 86_400.0
+"""Longest time between two lines: the time of a line beyond it is damaged, and would hold up all that follow."""
+DAMAGED = (msgspec.MsgspecError, LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError)
+"""Errors that a line of any content can cause."""
 ACCEPTED = "accepted: a targets file of `run`, `replay` or `demo`, or a recording of `ground --record`"
 
 
@@ -40,6 +44,7 @@ class ReplayReader:
             raise InputFileError(f"{path}: is not a recording, or has no line with a time; {ACCEPTED}") from None
         self._start_unix = self._newest_unix = self._next[0]
         self._began_s: float | None = None
+        self._damaged = 0
 
     def now(self) -> float:
         """Time of the recording."""
@@ -52,7 +57,7 @@ class ReplayReader:
     def start(self) -> None:
         """Begin to play."""
         self._began_s = time.monotonic()
-        self._picture.on_source(self._path, works=True, text=f"plays at {self._speed:g}x")
+        self._say(f"plays at {self._speed:g}x")
 
     def tick(self, now: float) -> None:
         """Process the lines up to the present instant."""
@@ -60,10 +65,22 @@ class ReplayReader:
             if self._next is None or self._next[0] > now:
                 return
             self._newest_unix, line = self._next
-            self._lines.take(line, self._newest_unix)
             self._next = next(self._source, None)
+            self._take(line)
             if self._next is None:
-                self._picture.on_source(self._path, works=True, text="has ended: this is its last state")
+                self._say("has ended: this is its last state")
+
+    def _take(self, line: Mapping[str, Any]) -> None:
+        """Process a line; a damaged one is left out, and counted."""
+        try:
+            self._lines.take(line, self._newest_unix)
+        except DAMAGED:
+            self._damaged += 1
+            self._say(f"plays at {self._speed:g}x")
+
+    def _say(self, text: str) -> None:
+        damaged = f"; {self._damaged} damaged lines were left out" if self._damaged else ""
+        self._picture.on_source(self._path, works=not self._damaged, text=text + damaged)
 
     def close(self) -> None:
         """Release the file."""
@@ -76,11 +93,15 @@ class ReplayReader:
         while data := file.readline(MAX_LINE_BYTES):
             try:
                 line = msgspec.json.decode(data)
-                at = line_unix_s(line, self._lines.offset_s)
-            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, KeyError, TypeError, AttributeError):
+                stated = line_unix_s(line, self._lines.offset_s)
+                at = None if stated is None else float(stated)
+            except DAMAGED:
                 if newest is None:
                     return
                 continue  # a line that a power cut has shortened
+            if at is not None and newest is not None and at > newest + LONGEST_PAUSE_S:
+                self._damaged += 1
+                continue
             if line["type"] == "header":
                 self._lines.offset_s = line.get("unix_offset_s") or 0.0
             if at is None and newest is None:

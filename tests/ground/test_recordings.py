@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from math import cos, radians
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -64,6 +65,39 @@ def test_a_targets_file_is_played_by_its_own_clock(tmp_path):
     reader.tick(START + 100.0)
     assert picture.targets["1/2"].seen_unix == START + 9.0
     assert reader.now() == START + 9.0  # it has ended: its time stands
+    reader.close()
+
+
+DAMAGED = (
+    {"type": "target", "time_unix": START + 2.0},
+    {
+        "type": "target",
+        "time_unix": START + 2.0,
+        "track": 2,
+        "lat": "x",
+        "lon": None,
+        "cov": [],
+        "label": 1,
+        "state": 2,
+    },
+    {"type": "target", "time_unix": 1e30},
+    {"type": "clock", "time_monotonic": "soon"},
+    {"type": "origin", "time_unix": START + 2.0, "origin": {"lat": 1}},
+    {"type": "sighting", "time_unix": START + 2.0, "q_ned_body": [1]},
+    {"type": "picture", "time_unix": START + 2.0, "update": {"revision": -1}},
+)
+
+
+def test_damaged_lines_of_a_recording_are_left_out_and_reported(tmp_path):
+    path = tmp_path / "t.jsonl"
+    lines = Path(targets_file(path)).read_text().splitlines()
+    path.write_text("\n".join([*lines[:4], *map(json.dumps, DAMAGED), *lines[4:]]) + "\n")
+    picture = GroundPicture()
+    reader = ReplayReader(str(path), picture, 1.0)
+    reader.tick(START + 1e9)
+    assert picture.targets["1/2"].seen_unix == START + 9.0
+    (source,) = picture.update_since(0, START).sources
+    assert (source.works, source.text.partition("; ")[2]) == (False, "6 damaged lines were left out")
     reader.close()
 
 
