@@ -12,7 +12,7 @@ DRAIN_LIMIT = 64
 """Largest number of reads per wake-up: enough to empty any burst, few enough that no link starves the others."""
 
 READ_BYTES = 65536
-"""Size of a read of datagrams: the largest datagram. CPython frees the part that a read does not fill."""
+"""Size of a read of datagrams: the largest datagram."""
 
 SLICE_BYTES = 32768
 """Bytes of one wake-up, after which the other links have their turn: genuine frames of this size cost a millisecond,

@@ -3,6 +3,7 @@
 import asyncio
 import errno
 import socket
+import tracemalloc
 from collections.abc import Iterator
 
 import pytest
@@ -10,7 +11,7 @@ from link_listening import Listener, run, started, until
 from processes import free_port
 
 from fwav_companion.links.base import SLICE_BYTES, LinkReceiver, Traffic
-from fwav_companion.links.udp import BURST_S, UdpClient
+from fwav_companion.links.udp import BURST_S, UdpClient, UdpServer
 
 
 @pytest.fixture(name="peer")
@@ -109,9 +110,9 @@ class ReadsCounted(socket.socket):
 
     reads = 0
 
-    def recv(self, size: int, flags: int = 0) -> bytes:
+    def recv_into(self, *arguments: object) -> int:
         self.reads += 1
-        return super().recv(size, flags)
+        return super().recv_into(*arguments)
 
 
 def test_a_datagram_that_comes_alone_is_read_once(peer: socket.socket):
@@ -128,6 +129,31 @@ def test_a_datagram_that_comes_alone_is_read_once(peer: socket.socket):
             client.close()
             assert heard == [b"\1", b"\2", b"\3"]
             assert sock.reads == 3
+
+    run(story())
+
+
+@pytest.mark.parametrize("kind", [UdpClient, UdpServer])
+def test_a_read_allocates_what_came_and_not_the_largest_datagram(peer: socket.socket, kind: type):
+    """In a flood the holes of larger allocations fragment the heap."""
+
+    async def story() -> None:
+        heard: list[bytes] = []
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.setblocking(False)
+            sock.bind(("127.0.0.1", 0))
+            link = kind(sock, LinkReceiver(lambda data: not heard.append(data), heard.append, Traffic()))
+            for _ in range(20):
+                peer.sendto(b"x" * 1000, sock.getsockname())
+            tracemalloc.start()
+            try:
+                link.poll()
+                peak = tracemalloc.get_traced_memory()[1]
+            finally:
+                tracemalloc.stop()
+            link.close()
+        assert len(b"".join(heard)) == 20_000
+        assert peak < 65_536
 
     run(story())
 
