@@ -7,7 +7,7 @@ from merging_peer import ATTITUDE, GET, GPS, HUD, POSITION, QUATERNION, SET, by_
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import MS, Ack, autopilot, status
 
-from fwav_companion.mavlink.client.ack_order import AckOrder
+from fwav_companion.mavlink.client.rate_dialogue import AckOrder
 from fwav_companion.mavlink.wire.stream_groups import group_ids
 from fwav_companion.types import AutopilotKind, Message
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from fwav_companion.mavlink.client.rate_merging import follow_up
+from fwav_companion.mavlink.client.rate_reconciler import missing_rates
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
 from fwav_companion.mavlink.wire.stream_groups import group_ids
 
@@ -29,8 +29,11 @@ def followed(asked, demanded=None, heeds_groups=True):
     """The requests that follow. ``demanded``: rates of other stations; this request's own rates belong to it."""
     rates = {msgid: hz for msgid, hz in asked.rates.items() if hz}
     highest = rates | {msgid: max(hz, rates.get(msgid, 0.0)) for msgid, hz in (demanded or {}).items()}
-    what = follow_up(asked, OURS, highest, heeds_groups=heeds_groups)
-    return dict(what.groups), dict(what.messages)
+    left = {msgid: hz or 0.0 for msgid, hz in asked.rates.items()}
+    if asked.by_group and not heeds_groups:
+        left = {msgid: OURS[msgid] for msgid in asked.rates if msgid in OURS}
+    groups, messages = missing_rates(left, OURS, highest, by_group=asked.by_group and heeds_groups)
+    return groups, dict(messages)
 
 
 @pytest.mark.parametrize(
@@ -67,8 +70,8 @@ def test_of_ours_and_another_stations_the_higher_one_follows():
 
 
 def test_ours_is_asked_for_before_a_stations_higher_one_which_the_autopilot_may_refuse():
-    what = follow_up(request({QUATERNION: 4.0}), OURS, {QUATERNION: 1000.0}, heeds_groups=True)
-    assert list(what.messages) == [(QUATERNION, 100.0), (QUATERNION, 1000.0)]
+    _, messages = missing_rates({QUATERNION: 4.0}, OURS, {QUATERNION: 1000.0})
+    assert messages == [(QUATERNION, 100.0), (QUATERNION, 1000.0)]
 
 
 def test_another_station_that_asked_by_group_gets_its_groups_back_in_one_message_each():

@@ -5,11 +5,10 @@ adopted autopilot. ``timesync`` exchanges clock readings with it; the clock esti
 ``commands`` acknowledges each command to our components once, and answers PING and REQUEST_MESSAGE.
 
 Message rates. ``subscriptions`` derives the wanted messages from the configuration. ``rates`` is the entry: it measures
-what arrives, and requests again a rate that fell. ``rate_table`` has a row for each message: the desired rate, what was
-there, and the state of the request; it holds a ``rate_search`` for the highest rate that the autopilot accepts.
-``rate_reconciler`` learns what is there (``arrivals_before`` counts it) and requests the difference, one question of
-``rate_dialogue`` at a time, by SET_MESSAGE_INTERVAL or REQUEST_DATA_STREAM; ``ack_order`` matches acknowledgements to
-commands. ``rate_merging`` lists our requests that must follow a station's request, and ``rate_competitors`` finds the
-station that changed a rate. ``one_shot_requests`` requests rare messages and parameters; ``requests`` addresses
-messages to the autopilot.
+what arrives, requests again a rate that fell, and names the station that changed it. ``rate_table`` has a row for each
+message: the desired rate, what was there, and the state of the request; it uses ``rate_search`` for the highest rate
+that the autopilot accepts, and to measure. ``rate_reconciler`` learns what is there and requests the difference, one
+question of ``rate_dialogue`` at a time, by SET_MESSAGE_INTERVAL or REQUEST_DATA_STREAM, and what a station's request
+lowers in the same write. ``one_shot_requests`` requests rare messages and parameters; ``requests`` addresses messages
+to the autopilot.
 """

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from enum import Enum, auto
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.mavlink.client.ack_order import AckOrder
 from fwav_companion.mavlink.client.rate_table import RateRow
 from fwav_companion.mavlink.client.requests import command, request
 from fwav_companion.mavlink.wire import enums
@@ -20,6 +20,7 @@ MAX_TRIES = 4
 LEARN_TRIES = 3
 """Tries of GET_MESSAGE_INTERVAL: three timeouts are the two seconds after which the rate is measured instead."""
 MAX_STREAM_RATE = 0xFFFF
+MAX_AWAITED = 256
 SET, GET = enums.MAV_CMD_SET_MESSAGE_INTERVAL, enums.MAV_CMD_GET_MESSAGE_INTERVAL
 DEFAULT_US = 0
 """param2 of SET_MESSAGE_INTERVAL for the autopilot's own rate (common.xml)."""
@@ -38,77 +39,104 @@ class QuestionKind(Enum):
     """SET_MESSAGE_INTERVAL to a station's rate that a reboot lost."""
 
 
-class Question(msgspec.Struct):
+class Question(msgspec.Struct, eq=False):
     """The one request whose answer is awaited."""
 
     kind: QuestionKind
     msgid: int
     row: RateRow | None = None
-    hz: float = 0.0
+    """Row of our message; None for a WISH."""
+    wish_hz: float = 0.0
     """Rate of a WISH, hertz."""
     tries: int = 0
     deadline_ns: HostNs = HostNs(0)
-    acknowledged: bool = False
+
+    @property
+    def is_about_before(self) -> bool:
+        """Whether it asks what was there, and changes nothing of ours."""
+        return self.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}
 
     @property
     def most_tries(self) -> int:
         """Number of tries after which no answer is expected."""
-        return LEARN_TRIES if self.kind in {QuestionKind.RATE, QuestionKind.DEFAULT} else MAX_TRIES
+        return LEARN_TRIES if self.is_about_before else MAX_TRIES
+
+
+class AckOrder:
+    """Matches acknowledgements to commands in order of sending: COMMAND_ACK carries only the kind of command, so it
+    belongs to the oldest pending command of its kind.
+
+    Two rules resynchronise it after a lost acknowledgement: an acknowledgement of a later command of another kind
+    discards the commands sent before that one, and no command is pending longer than ``timeout_ns``.
+    """
+
+    __slots__ = ("_awaited", "_timeout_ns")
+
+    def __init__(self, timeout_ns: int):
+        self._timeout_ns = timeout_ns
+        self._awaited: deque[tuple[int, object, int]] = deque(maxlen=MAX_AWAITED)
+
+    def sent(self, command: int, subject: object, now: HostNs) -> None:
+        """Note a command that is sent. ``subject`` is returned when it is acknowledged; None if the answer does not
+        matter.
+        """
+        self._awaited.append((command, subject, now + self._timeout_ns))
+
+    def acknowledged(self, command: int, now: HostNs) -> object:
+        """Return the subject of the acknowledged command; None if there is none."""
+        while self._awaited:
+            awaited, subject, until_ns = self._awaited.popleft()
+            if awaited == command and now < until_ns:
+                return subject
+        return None
 
 
 class RateDialogue:
-    """Builds the requests to one autopilot, and finds the question that an acknowledgement answers."""
+    """Builds the requests to one autopilot, and finds the question that an answer belongs to."""
 
-    def __init__(self, component: int) -> None:
-        self._component = component
-        self._acks: AckOrder[Question] = AckOrder(ACK_TIMEOUT_NS)
+    def __init__(self, autopilot: Autopilot, component: int) -> None:
+        self._autopilot, self._component = autopilot, component
+        self._acks = AckOrder(ACK_TIMEOUT_NS)
         self.question: Question | None = None
         """Question whose answer is awaited."""
 
-    def begin(self) -> None:
-        """Start over: no question is pending."""
-        self.question = None
-        self._acks.clear()
-
-    def ask(self, autopilot: Autopilot, question: Question, now: HostNs) -> list[Outgoing]:
-        """Return a question for the first time, or again; a station's or the autopilot's higher rate follows ours."""
+    def ask(self, question: Question, now: HostNs) -> list[Outgoing]:
+        """Return the requests of a question, for the first time or again."""
         question.tries += 1
         question.deadline_ns = HostNs(now + ACK_TIMEOUT_NS)
-        question.acknowledged = False
         self.question = question
-        msgid, row = question.msgid, question.row
-        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
-            reset = self.set_rate(autopilot, msgid, DEFAULT_US, now) if question.kind is QuestionKind.DEFAULT else []
+        if question.is_about_before:
+            reset = question.kind is QuestionKind.DEFAULT
+            asked = [self.set_interval(question.msgid, DEFAULT_US, now)] if reset else []
             self._acks.sent(GET, question, now)
-            return [*reset, command(autopilot, self._component, GET, msgid)]
-        interval_us = round(1e6 / question.hz) if row is None else row.interval_us
-        return self.set_rate(autopilot, msgid, interval_us, now, question)
+            return [*asked, command(self._autopilot, self._component, GET, question.msgid)]
+        interval_us = round(1e6 / question.wish_hz) if question.row is None else question.row.interval_us
+        return [self.set_interval(question.msgid, interval_us, now, question)]
 
-    def set_rate(
-        self, autopilot: Autopilot, msgid: int, interval_us: int, now: HostNs, question: Question | None = None
-    ) -> list[Outgoing]:
+    def set_interval(self, msgid: int, interval_us: int, now: HostNs, question: Question | None = None) -> Outgoing:
         """Return SET_MESSAGE_INTERVAL. Without a question its acknowledgement does not matter."""
         self._acks.sent(SET, question, now)
         confirmation = 0 if question is None else question.tries - 1
-        return [command(autopilot, self._component, SET, msgid, interval_us, confirmation=confirmation)]
+        return command(self._autopilot, self._component, SET, msgid, interval_us, confirmation=confirmation)
 
-    def set_group(self, autopilot: Autopilot, number: int, rate_hz: float) -> Outgoing:
+    def set_group(self, number: int, rate_hz: float) -> Outgoing:
         """Return REQUEST_DATA_STREAM, which no acknowledgement follows."""
         rate = min(round(rate_hz) or 1, MAX_STREAM_RATE)
         fields = {"req_stream_id": number, "req_message_rate": rate, "start_stop": 1}
-        return request(autopilot, self._component, "REQUEST_DATA_STREAM", fields)
+        return request(self._autopilot, self._component, "REQUEST_DATA_STREAM", fields)
 
-    def acknowledged(self, autopilot: Autopilot, fields: Any, now: HostNs) -> Question | None:
+    def acknowledged(self, fields: Any, now: HostNs) -> Question | None:
         """Return the pending question that a COMMAND_ACK answers; older autopilots leave its target fields 0."""
-        for_us = fields.target_system in {0, autopilot.system} and fields.target_component in {0, self._component}
+        system, component = fields.target_system, fields.target_component
+        for_us = system in {0, self._autopilot.system} and component in {0, self._component}
         if not for_us or fields.command not in {SET, GET} or fields.result == enums.MAV_RESULT_IN_PROGRESS:
             return None
-        question = self._acks.acknowledged(fields.command, now)
-        return question if question is not None and question is self.question else None
+        subject = self._acks.acknowledged(fields.command, now)
+        return self.question if subject is not None and subject is self.question else None
 
     def stated(self, message: Message) -> Question | None:
         """Return the pending question that a MESSAGE_INTERVAL answers."""
         question = self.question
-        if question is None or question.kind not in {QuestionKind.RATE, QuestionKind.DEFAULT}:
+        if question is None or not question.is_about_before or question.msgid != message.fields.message_id:
             return None
-        return question if question.msgid == message.fields.message_id else None
+        return question

@@ -1,100 +1,105 @@
 """The loop that reconciles an autopilot's rates with the table: it learns what is there, and requests the difference.
 
 It learns before it changes anything: it asks for each message's rate (GET_MESSAGE_INTERVAL) and counts arrivals for two
-seconds. Then it requests the difference, one question at a time, each a few times at most.
+seconds. Then it requests the difference, one question at a time, each a few times at most. What a station's request has
+lowered is requested again in the same write.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 
+import msgspec
+
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.client.arrivals_before import ArrivalsBefore
 from fwav_companion.mavlink.client.rate_dialogue import Question, QuestionKind, RateDialogue
-from fwav_companion.mavlink.client.rate_merging import ROUNDING, FollowUp, follow_up
 from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, RateRow, RequestState
-from fwav_companion.mavlink.client.subscriptions import DATA_STREAMS
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
-from fwav_companion.mavlink.wire.stream_groups import group_of
+from fwav_companion.mavlink.wire.stream_groups import GROUPS, group_ids, group_of
 from fwav_companion.types.messages import Message, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
+ENOUGH_NS = 2 * NS_PER_S
+"""Least time of counting: as long as an answer to GET_MESSAGE_INTERVAL is awaited."""
 GROUP_PAUSE_NS = NS_PER_S
 """Time in which one REQUEST_DATA_STREAM serves every message of its group that is due."""
 SAME_RATE = 0.01
 """Relative difference up to which a stated rate may be what an earlier run of this service requested."""
+ROUNDING = 1.001
+"""Ratio below which two rates are equal: intervals are whole microseconds on the wire, whole milliseconds in
+autopilots."""
 MAX_SINGLE = 128
 """Messages remembered as requested by SET_MESSAGE_INTERVAL."""
 Notify = Callable[[NoticeCode, Severity, str], None]
 
 
+class StationRates(msgspec.Struct):
+    """What stations on merging links request; it outlives a reboot of the autopilot."""
+
+    demanded: Mapping[int, float] = {}
+    """Highest requested rate, hertz, by message id."""
+    single: set[int] = set()
+    """Ids of the messages that were requested by SET_MESSAGE_INTERVAL."""
+
+
 class RateReconciler:
-    """Asks one autopilot for what the table lacks. ``notify``: takes what the log is to say."""
+    """Asks one autopilot for what the table lacks, from its adoption or reboot on."""
 
-    def __init__(self, wanted: Mapping[str, float], component: int, notify: Notify):
-        self._wanted = wanted
-        self._notify = notify
-        self.rows: dict[str, RateRow] = {}
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        rows: Iterable[RateRow],
+        stations: StationRates,
+        *,
+        component: int,
+        since_ns: HostNs,
+        notify: Notify,
+    ):
+        """``since_ns``: beginning of the counts of the rows. ``notify``: takes what the log is to say."""
+        self.autopilot = autopilot
+        self.rows = {row.name: row for row in rows}
         """The table, by message name, the most important first."""
-        self.before = ArrivalsBefore()
-        self.demanded: Mapping[int, float] = {}
-        """Highest rate that a station on a merging link requests, hertz, by message id."""
-        self._dialogue = RateDialogue(component)
-        self._single: set[int] = set()
-        self._wishes: deque[tuple[int | None, int, float]] = deque()
-        """(group, message id, hertz): stations' rates that a reboot lost."""
-        self.begin()
-
-    def begin(self) -> None:
-        """Start over with an autopilot of which nothing is known."""
-        self._dialogue.begin()
-        self._wishes.clear()
+        self._stations = stations
+        self._notify = notify
+        self._dialogue = RateDialogue(autopilot, component)
+        self._heeds_groups = autopilot.kind is not AutopilotKind.PX4  # which has an empty handler for them
+        self._lost_groups: Mapping[int, float] = {}
+        self._wishes: deque[Question] = deque()
         self._groups_asked_ns: dict[int, HostNs] = {}
-        self._learning: Question | None = None
-        self.is_learning = True
+        self._enough_ns = HostNs(since_ns + ENOUGH_NS)
         self._states_rates: bool | None = None
         """Whether the autopilot answers GET_MESSAGE_INTERVAL; None: not known yet."""
         self._has_answered = self._command_known = self.is_unsupported = self._by_group = False
+        self.takes_requests = autopilot.system != 0
+        """Whether requests can be addressed to the autopilot: system 0 would address every vehicle."""
+        self.is_learning = self.takes_requests
+        if not self.takes_requests:
+            for row in self.rows.values():
+                row.close(RequestState.UNSUPPORTED)
 
     @property
     def is_unanswered(self) -> bool:
         """Whether the questions about rates had no answer of any kind."""
         return self._states_rates is False and not self._has_answered
 
-    def wish_again(self, autopilot: Autopilot) -> None:
-        """Note the stations' rates to request again, because a reboot lost them: groups as one message each."""
-        heeds_groups = heeds_group_requests(autopilot)
-        all_lost = RateRequest(
-            system=0,
-            component=0,
-            link="",
-            target_system=0,
-            target_component=0,
-            rates=dict.fromkeys(self.demanded, 0.0),
-            by_group=heeds_groups,
-        )
-        groups = follow_up(all_lost, {}, self.demanded, heeds_groups=heeds_groups).groups
-        self._wishes.extend((number, 0, hz) for number, hz in groups.items())
-        single = self._single - {row.msgid for row in self.rows.values()}
-        self._wishes.extend((None, msgid, hz) for msgid, hz in self.demanded.items() if msgid in single)
-
-    def next_ask(self) -> HostNs | None:
-        """Return when :meth:`reconcile` is due; None: not before the next message."""
+    @property
+    def next_ask_ns(self) -> HostNs | None:
+        """Time at which :meth:`reconcile` is due; None: not before the next message."""
         if self._dialogue.question is not None:
             return self._dialogue.question.deadline_ns
         if self.is_learning:
-            unlearned = self._states_rates is not False and not all(row.is_learned for row in self.rows.values())
-            return HostNs(0) if unlearned or self._learning is not None else self.before.enough_at
-        if self._wishes and not self.is_unsupported:
+            return self._enough_ns if self._unlearned() is None else HostNs(0)
+        if self._lost_groups or (self._wishes and not self.is_unsupported):
             return HostNs(0)
         return min((row.next_ask_ns for row in self.rows.values() if row.next_ask_ns is not None), default=None)
 
     # What is there: statements and arrivals before the first request.
 
-    def on_interval(self, autopilot: Autopilot, message: Message) -> None:
+    def on_interval(self, message: Message) -> None:
         """Process a MESSAGE_INTERVAL, if it answers a question of ours."""
         question = self._dialogue.stated(message)
         if question is None or question.row is None:
@@ -104,159 +109,161 @@ class RateReconciler:
         row, interval_us = question.row, message.fields.interval_us
         # PX4 streams of unlimited rate have the interval -1 (mavlink_receiver.cpp, get_message_interval; a stopped
         # stream has 0 there); in common.xml and ArduPilot, -1 means disabled.
-        unlimited = interval_us < 0 and autopilot.kind is AutopilotKind.PX4
+        unlimited = interval_us < 0 and self.autopilot.kind is AutopilotKind.PX4
         row.stated_hz = 1e6 / interval_us if interval_us > 0 else inf if unlimited else 0.0
-        if question.kind is QuestionKind.RATE:
-            like_ours = abs(row.stated_hz - row.need_hz) <= SAME_RATE * row.need_hz
-            if like_ours and not _is_never_sent_by_itself(autopilot, row):
-                self._learning = Question(QuestionKind.DEFAULT, row.msgid, row)
-                return
-        row.is_learned = True
+        like_ours = abs(row.stated_hz - row.need_hz) <= SAME_RATE * row.need_hz
+        row.is_learned = question.kind is QuestionKind.DEFAULT or not like_ours or self._is_never_sent_by_itself(row)
 
-    def _settle_before(self, autopilot: Autopilot, now: HostNs) -> None:
-        """End the learning: what was there is known, and requests may change it."""
-        self.is_learning = False
-        for name, row in self.rows.items():
-            row.settle_before(*self.before.taken(name, now))
-            row.meter.forget(now)
-            if row.is_stated and _is_never_sent_by_itself(autopilot, row):
-                row.before_hz = 0.0
+    def _unlearned(self) -> RateRow | None:
+        """Return the next message whose rate the autopilot may still state."""
+        if self._states_rates is False:
+            return None
+        return next((row for row in self.rows.values() if not row.is_learned), None)
 
-    def note_request(self, autopilot: Autopilot, request: RateRequest) -> None:
-        """Follow what a station's request changes: ArduPilot's groups are its messages' defaults from then on.
-
-        A higher rate counts as the station's alone, so that it is forgotten with the station.
-        """
-        if not request.by_group:
-            self._single.update(list(request.rates)[: MAX_SINGLE - len(self._single)])
-        elif heeds_group_requests(autopilot):
+    def _learn(self, now: HostNs) -> list[Outgoing]:
+        row = self._unlearned()
+        if row is not None:
+            if row.stated_hz is None:
+                return self._ask(Question(QuestionKind.RATE, row.msgid, row), now)
+            row.meter.restart(now)
+            return self._ask(Question(QuestionKind.DEFAULT, row.msgid, row), now)
+        if now >= self._enough_ns:
+            self.is_learning = False
             for row in self.rows.values():
-                hz = request.rates.get(row.msgid, inf)
-                if row.before_hz is not None and row.is_stated:
-                    row.before_hz = min(row.before_hz, hz or 0.0)
+                row.settle_before(self._stations.demanded.get(row.msgid, 0.0), now)
+                if row.is_stated and self._is_never_sent_by_itself(row):
+                    row.before_hz = 0.0
+        return []
+
+    def _is_never_sent_by_itself(self, row: RateRow) -> bool:
+        """Return whether only a request can have started the message: ArduPilot sends only its groups by itself."""
+        return self.autopilot.kind is AutopilotKind.ARDUPILOT and group_of(row.msgid) is None
 
     # The difference: one question at a time.
 
-    def reconcile(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
+    def reconcile(self, now: HostNs) -> list[Outgoing]:
         """Return the request that is due: the pending question again, or the next one."""
         question = self._dialogue.question
         if question is not None:
             if now < question.deadline_ns:
                 return []
-            deaf = not self._has_answered and self._by_group
+            deaf = self._by_group and not self._has_answered
             if question.tries < (1 if deaf else question.most_tries):
-                return self._ask(autopilot, question, now)
+                return self._ask(question, now)
             self._dialogue.question = None
-            asked = self._on_silence(autopilot, question, now)
+            asked = self._on_silence(question, now)
             if asked:
                 return asked
         if self.is_learning:
-            asked = self._learn(autopilot, now)
+            asked = self._learn(now)
             if asked or self.is_learning:
                 return asked
-        return self._ask_next(autopilot, now)
+        return self._ask_next(now)
 
-    def _learn(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
-        if self._learning is not None:
-            question, self._learning = self._learning, None
-            if question.row is not None:
-                self.before.reset(question.row.name, now)
-            return self._ask(autopilot, question, now)
-        if self._states_rates is not False:
-            for row in self.rows.values():
-                if not row.is_learned:
-                    return self._ask(autopilot, Question(QuestionKind.RATE, row.msgid, row), now)
-        if now >= self.before.enough_at:
-            self._settle_before(autopilot, now)
-        return []
-
-    def _ask_next(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
+    def _ask_next(self, now: HostNs) -> list[Outgoing]:
         for row in self.rows.values():
-            if row.next_ask_ns is not None and row.next_ask_ns <= now:
+            if row.next_ask_ns is None or row.next_ask_ns > now:
+                continue
+            if not self.is_unsupported:
                 row.asked(now)
-                if self.is_unsupported:
-                    asked = self._ask_group_of(autopilot, row, now)
-                    if asked:
-                        return asked
-                    continue
-                return self._ask(autopilot, Question(QuestionKind.INTERVAL, row.msgid, row), now)
+                return self._ask(Question(QuestionKind.INTERVAL, row.msgid, row), now)
+            asked = self._ask_group_of(row, now)
+            if asked:
+                return asked
+        if self._lost_groups:
+            groups, self._lost_groups = self._lost_groups, {}
+            left_hz = {msgid: hz for number, hz in groups.items() for msgid in group_ids(number)}
+            return self._send(groups, missing_rates(left_hz, self._kept_hz(), self._stations.demanded)[1], now)
         if self._wishes and not self.is_unsupported:
-            number, msgid, hz = self._wishes.popleft()
-            if number is not None:
-                return [
-                    self._dialogue.set_group(autopilot, number, hz),
-                    *self._behind_group(autopilot, number, hz, now),
-                ]
-            return self._ask(autopilot, Question(QuestionKind.WISH, msgid, hz=hz), now)
+            return self._ask(self._wishes.popleft(), now)
         return []
 
-    def _ask(self, autopilot: Autopilot, question: Question, now: HostNs) -> list[Outgoing]:
-        asked, row = self._dialogue.ask(autopilot, question, now), question.row
+    def _ask(self, question: Question, now: HostNs) -> list[Outgoing]:
+        asked, row = self._dialogue.ask(question, now), question.row
         if question.kind is QuestionKind.INTERVAL and row is not None:
-            asked_hz = 1e6 / row.interval_us
-            for hz in (row.kept_hz, self.demanded.get(row.msgid, 0.0)):
-                if hz > ROUNDING * asked_hz:
-                    asked += self._dialogue.set_rate(autopilot, row.msgid, round(1e6 / hz), now)
-                    asked_hz = hz
+            left_hz, kept_hz = {row.msgid: 1e6 / row.interval_us}, {row.msgid: row.kept_hz}
+            asked += self._send({}, missing_rates(left_hz, kept_hz, self._stations.demanded)[1], now)
         return asked
 
-    def _behind_group(self, autopilot: Autopilot, number: int, hz: float, now: HostNs) -> list[Outgoing]:
-        """Return our rates of a group's messages that its request lowers."""
-        return [
-            each
-            for row in self.rows.values()
-            if group_of(row.msgid) == number and row.state not in NOT_KEPT and row.kept_hz > ROUNDING * hz
-            for each in self._dialogue.set_rate(autopilot, row.msgid, round(1e6 / row.kept_hz), now)
-        ]
-
-    def _ask_group_of(self, autopilot: Autopilot, row: RateRow, now: HostNs) -> list[Outgoing]:
-        number = DATA_STREAMS.get(row.name, enums.MAV_DATA_STREAM_EXTRA3)
+    def _ask_group_of(self, row: RateRow, now: HostNs) -> list[Outgoing]:
+        number = _group_to_ask(row)
         row.asked_by_group(now)
         asked_ns = self._groups_asked_ns.get(number)
         if asked_ns is not None and now < asked_ns + GROUP_PAUSE_NS:
             return []
         self._groups_asked_ns[number] = now
-        members = [one for one in self.rows.values() if DATA_STREAMS.get(one.name, number) == number]
-        rate_hz = max(one.kept_hz for one in members if one.state is not RequestState.HELD_BACK)
-        demanded_hz = max(self.demanded.get(one.msgid, 0.0) for one in members)
-        return [self._dialogue.set_group(autopilot, number, max(rate_hz, demanded_hz))]
+        members = [one for one in self.rows.values() if _group_to_ask(one) == number]
+        kept_hz = [one.kept_hz for one in members if one.state is not RequestState.HELD_BACK]
+        demanded_hz = [self._stations.demanded.get(one.msgid, 0.0) for one in members]
+        return [self._dialogue.set_group(number, max(kept_hz + demanded_hz))]
 
-    def follow(self, autopilot: Autopilot, what: FollowUp, now: HostNs) -> list[Outgoing]:
-        """Request at once the rates that a station's request has just lowered. The measured rates show the result."""
-        groups = dict(what.groups)
-        followed = {msgid for msgid, _ in what.messages}
+    def _send(self, groups: Mapping[int, float], messages: Sequence[tuple[int, float]], now: HostNs) -> list[Outgoing]:
+        """Return these requests; the measured rates show the result."""
+        groups, followed = dict(groups), {msgid for msgid, _ in messages}
         for row in self.rows.values():
             row.is_asked |= row.msgid in followed
-        if not self._by_group:
-            messages = [
-                each
-                for msgid, hz in what.messages
-                for each in self._dialogue.set_rate(autopilot, msgid, round(1e6 / hz), now)
-            ]
-        else:
-            messages = []
-            for msgid, hz in what.messages:
+        if self._by_group:
+            for msgid, hz in messages:
                 number = group_of(msgid)
                 if number is not None:
                     groups[number] = max(hz, groups.get(number, 0.0))
-        return [*(self._dialogue.set_group(autopilot, number, hz) for number, hz in groups.items()), *messages]
+            messages = []
+        return [
+            *(self._dialogue.set_group(number, hz) for number, hz in groups.items()),
+            *(self._dialogue.set_interval(msgid, round(1e6 / hz), now) for msgid, hz in messages),
+        ]
+
+    # Stations.
+
+    def on_station_request(self, request: RateRequest, now: HostNs) -> list[Outgoing]:
+        """Return the requests for the rates that a station's request has just lowered."""
+        by_group = request.by_group and self._heeds_groups
+        if not request.by_group:
+            single = self._stations.single
+            single.update(list(request.rates)[: MAX_SINGLE - len(single)])
+        elif by_group:
+            self._note_defaults(request.rates)
+        kept_hz = {} if self.is_learning else self._kept_hz()
+        if request.by_group and not by_group:  # it lowered nothing; the station's rates follow if they are higher
+            left_hz = {msgid: kept_hz[msgid] for msgid in request.rates if msgid in kept_hz}
+        else:
+            left_hz = {msgid: hz or 0.0 for msgid, hz in request.rates.items()}
+        groups, messages = missing_rates(left_hz, kept_hz, self._stations.demanded, by_group=by_group)
+        return self._send(groups, messages, now)
+
+    def wish_again(self) -> None:
+        """Note the stations' rates to request again, because a reboot lost them: groups as one message each."""
+        demanded = self._stations.demanded
+        all_lost = dict.fromkeys(demanded, 0.0)
+        self._lost_groups, messages = missing_rates(all_lost, {}, demanded, by_group=self._heeds_groups)
+        single = self._stations.single - {row.msgid for row in self.rows.values()}
+        self._wishes.extend(Question(QuestionKind.WISH, msgid, wish_hz=hz) for msgid, hz in messages if msgid in single)
+
+    def _note_defaults(self, rates: Mapping[int, float | None]) -> None:
+        """Follow what a request by group changes: ArduPilot's groups are its messages' defaults from then on.
+
+        A higher rate counts as the station's alone, so that it is forgotten with the station.
+        """
+        for row in self.rows.values():
+            if row.before_hz is not None and row.is_stated:
+                row.before_hz = min(row.before_hz, rates.get(row.msgid, inf) or 0.0)
+
+    def _kept_hz(self) -> dict[int, float]:
+        return {row.msgid: row.kept_hz for row in self.rows.values() if row.state not in NOT_KEPT}
 
     # Answers, and their absence.
 
-    def on_ack(self, autopilot: Autopilot, message: Message, now: HostNs) -> None:
+    def on_ack(self, message: Message, now: HostNs) -> None:
         """Process a COMMAND_ACK, if it answers the pending question."""
-        fields = message.fields
-        question = self._dialogue.acknowledged(autopilot, fields, now)
+        question = self._dialogue.acknowledged(message.fields, now)
         if question is None:
             return
-        quaternion = self.rows.get(QUATERNION)
-        if self._by_group and not self._has_answered and quaternion is not None:
-            quaternion.ask_soon(now, 0)  # it is heard now, and was not when the groups were tried
+        result, row = message.fields.result, question.row
+        accepted, unsupported = result == enums.MAV_RESULT_ACCEPTED, result == enums.MAV_RESULT_UNSUPPORTED
+        if self._by_group and not self._has_answered and QUATERNION in self.rows:
+            self.rows[QUATERNION].ask_soon(now)  # the autopilot hears us now, and did not when the groups were tried
         self._has_answered = True
-        accepted = fields.result == enums.MAV_RESULT_ACCEPTED
-        unsupported = fields.result == enums.MAV_RESULT_UNSUPPORTED
-        row = question.row
-        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
+        if question.is_about_before:
             if not accepted and row is not None:  # no statement follows; an accepted one is awaited
                 self._dialogue.question, row.is_learned = None, True
                 if unsupported and self._states_rates is None:
@@ -269,32 +276,31 @@ class RateReconciler:
             return
         if unsupported and not self._command_known:
             self._fall_back(now)
-        elif fields.result == enums.MAV_RESULT_TEMPORARILY_REJECTED:
+        elif result == enums.MAV_RESULT_TEMPORARILY_REJECTED:
             row.wait(now)
         else:
             row.on_result(accepted, now)
             self._notify_outcome(row)
 
-    def _on_silence(self, autopilot: Autopilot, question: Question, now: HostNs) -> list[Outgoing]:
+    def _on_silence(self, question: Question, now: HostNs) -> list[Outgoing]:
         row = question.row
         if row is None:
             return []
-        if question.kind in {QuestionKind.RATE, QuestionKind.DEFAULT}:
+        if question.is_about_before:
             row.is_learned = True
             if self._states_rates is None:
                 self._states_rates = False
+        elif row.state is RequestState.HELD_BACK:
             return []
-        if row.state is RequestState.HELD_BACK:
-            return []
-        if not self._has_answered:
+        elif self._has_answered:
+            row.state = RequestState.UNANSWERED
+            row.wait(now)
+        else:
             # INAV ignores COMMAND_LONG, and some firmwares take REQUEST_DATA_STREAM alone: arrivals show the outcome.
             self._by_group = True
-            if row.name == QUATERNION and ATTITUDE in self.rows:
-                row.close(RequestState.UNANSWERED)
-                return []
-            return self._ask_group_of(autopilot, row, now)
-        row.state = RequestState.UNANSWERED
-        row.wait(now)
+            if row.name != QUATERNION or ATTITUDE not in self.rows:
+                return self._ask_group_of(row, now)
+            row.close(RequestState.UNANSWERED)
         return []
 
     def _fall_back(self, now: HostNs) -> None:
@@ -303,7 +309,7 @@ class RateReconciler:
         self._notify(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
         self.is_unsupported = self._by_group = True
         for row in self.rows.values():
-            row.need(self._wanted[row.name], now)
+            row.need(row.need_hz, now)
             row.is_asked = False  # what was sent had no effect
         if ATTITUDE in self.rows and QUATERNION in self.rows:  # a group contains plain ATTITUDE alone
             self.rows[QUATERNION].close(RequestState.HELD_BACK)
@@ -321,11 +327,37 @@ class RateReconciler:
             )
 
 
-def heeds_group_requests(autopilot: Autopilot) -> bool:
-    """Return whether the autopilot acts on REQUEST_DATA_STREAM; PX4 has an empty handler for it."""
-    return autopilot.kind is not AutopilotKind.PX4
+def missing_rates(
+    left_hz: Mapping[int, float],
+    ours_hz: Mapping[int, float],
+    demanded_hz: Mapping[int, float],
+    *,
+    by_group: bool = False,
+) -> tuple[dict[int, float], list[tuple[int, float]]]:
+    """Return the rates to request, hertz: those above the rates at which the messages of ``left_hz`` are left.
+
+    First the groups, by MAV_DATA_STREAM (``by_group``): a group is requested as a whole where each of its messages is
+    demanded at a higher rate. Then (message id, hertz) in order of sending: ours, and after it a station's higher one,
+    which the autopilot may refuse. ``ours_hz``: rates of this service; ``demanded_hz``: the highest of all stations.
+    """
+    present_hz = dict(left_hz)
+    groups: dict[int, float] = {}
+    for number in GROUPS if by_group else ():
+        members = group_ids(number)
+        if members <= present_hz.keys():
+            hz = min(demanded_hz.get(msgid, 0.0) for msgid in members)
+            if hz > ROUNDING * max(present_hz[msgid] for msgid in members):
+                groups[number] = hz
+                present_hz |= dict.fromkeys(members, hz)
+    messages: list[tuple[int, float]] = []
+    for rates_hz in (ours_hz, demanded_hz):
+        higher = {msgid: hz for msgid in present_hz if (hz := rates_hz.get(msgid, 0.0)) > ROUNDING * present_hz[msgid]}
+        present_hz |= higher
+        messages += higher.items()
+    return groups, messages
 
 
-def _is_never_sent_by_itself(autopilot: Autopilot, row: RateRow) -> bool:
-    """Return whether only a request can have started the message: ArduPilot sends only its groups by itself."""
-    return autopilot.kind is AutopilotKind.ARDUPILOT and group_of(row.msgid) is None
+def _group_to_ask(row: RateRow) -> int:
+    """Return the group to request for a message: attitude's for the quaternion, EXTRA3 for another without one."""
+    number = group_of(MESSAGE_IDS[ATTITUDE] if row.name == QUATERNION else row.msgid)
+    return enums.MAV_DATA_STREAM_EXTRA3 if number is None else number

@@ -1,10 +1,13 @@
-"""Searches the highest rate that the autopilot accepts for one message, and measures the rate at which it arrives."""
+"""Measures the rate of arriving messages, and searches the highest rate that the autopilot accepts for one."""
 
 from __future__ import annotations
 
+from collections import Counter
 from math import sqrt
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
+from fwav_companion.types.messages import Message
 
 SLOWEST_US = 1_000_000
 """Slowest interval tried: if it, or a longer wanted one, is refused, the autopilot does not send the message."""
@@ -12,9 +15,11 @@ STEP_US = 1000
 """Resolution of intervals: autopilots keep them in whole milliseconds."""
 CLOSE_ENOUGH = 1.02
 """Ratio of the fastest accepted interval to the slowest refused one at which the search ends, if above one step."""
-MIN_WINDOW_S = 2.0
-MAX_WINDOW_S = 30.0
+MIN_WINDOW_S, MAX_WINDOW_S = 2.0, 30.0
 ARRIVALS_PER_WINDOW = 8.0
+LONGEST_NS = 10 * NS_PER_S
+"""Longest time of counting before an adoption; a longer one would average over changes of the rates."""
+MAX_SENDERS = 16
 
 
 class RateSearch:
@@ -25,19 +30,15 @@ class RateSearch:
     ceiling of an autopilot's scheduler (ArduPilot: 0.8 of the main loop rate) within about ten requests.
     """
 
-    __slots__ = ("_refused_us", "_slowest_us", "_wanted_us", "accepted_us", "asking_us", "denied")
+    __slots__ = ("_refused_us", "_slowest_us", "accepted_us", "asking_us", "denied")
 
     def __init__(self, wanted_hz: float):
-        self._wanted_us = max(1, round(1e6 / wanted_hz))
-        self._slowest_us = max(SLOWEST_US, self._wanted_us)
-        self.restart()
-
-    def restart(self) -> None:
-        """Start over: no accepted or refused interval is known."""
+        wanted_us = max(1, round(1e6 / wanted_hz))
+        self._slowest_us = max(SLOWEST_US, wanted_us)
         self._refused_us = 0
         self.accepted_us: int | None = None
         """Shortest accepted interval, microseconds."""
-        self.asking_us: int | None = self._wanted_us
+        self.asking_us: int | None = wanted_us
         """Interval to request next, microseconds; None: the search is over."""
         self.denied = False
         """Whether every interval was refused."""
@@ -74,34 +75,52 @@ class RateSearch:
 class ArrivalMeter:
     """Measures arrivals a second, over windows long enough for eight of them."""
 
-    __slots__ = ("_count", "_since_ns", "hz")
+    __slots__ = ("_since_ns", "count", "hz")
 
-    def __init__(self) -> None:
-        self._count = 0
-        self._since_ns: HostNs | None = None
+    def __init__(self, since_ns: HostNs, count: int = 0) -> None:
+        """``count``: arrivals since then."""
+        self._since_ns = since_ns
+        self.count = count
+        """Arrivals in the present window."""
         self.hz: float | None = None
         """Rate in the last full window, hertz; None before there was one."""
 
     def restart(self, now: HostNs) -> None:
         """Begin a window: earlier arrivals were sent at another agreed rate."""
-        self._count, self._since_ns = 0, now
+        self.count, self._since_ns = 0, now
 
-    def forget(self, now: HostNs) -> None:
-        """Begin a window and drop the measured rate."""
-        self._count, self._since_ns, self.hz = 0, now, None
-
-    def arrived(self) -> None:
-        """Count one message."""
-        self._count += 1
+    def elapsed_ns(self, now: HostNs) -> int:
+        """Return the length of the present window so far."""
+        return max(now - self._since_ns, 1)
 
     def roll(self, now: HostNs, expected_hz: float) -> bool:
         """End the window if it is long enough. Returns True if :attr:`hz` is new."""
-        if self._since_ns is None:
-            self._since_ns = now
         window_s = min(max(MIN_WINDOW_S, ARRIVALS_PER_WINDOW / expected_hz), MAX_WINDOW_S)
-        elapsed_ns = now - self._since_ns
-        if elapsed_ns < window_s * NS_PER_S:
+        if now - self._since_ns < window_s * NS_PER_S:
             return False
-        self.hz = self._count * NS_PER_S / elapsed_ns
-        self._count, self._since_ns = 0, now
+        self.hz = self.count * NS_PER_S / (now - self._since_ns)
+        self.restart(now)
         return True
+
+
+class ArrivalsBefore:
+    """Counts each sender's messages until one is adopted, so that the listening before the adoption is not lost."""
+
+    def __init__(self) -> None:
+        self._senders: dict[tuple[int, int], tuple[HostNs, Counter[str]]] = {}
+
+    def on_message(self, message: Message, now: HostNs) -> None:
+        """Count a message."""
+        sender = (message.system, message.component)
+        known = self._senders.get(sender)
+        if known is None or now - known[0] > LONGEST_NS:
+            if known is None and len(self._senders) >= MAX_SENDERS:
+                return
+            known = self._senders[sender] = (now, Counter())
+        if message.name in MESSAGE_IDS:
+            known[1][message.name] += 1
+
+    def take(self, system: int, component: int, now: HostNs) -> tuple[HostNs, Counter[str]]:
+        """Return the beginning and the counts of the adopted sender, and forget all."""
+        senders, self._senders = self._senders, {}
+        return senders.get((system, component), (now, Counter()))

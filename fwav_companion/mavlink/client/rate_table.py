@@ -10,6 +10,8 @@ from __future__ import annotations
 from enum import StrEnum
 from math import inf
 
+import msgspec
+
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
@@ -53,106 +55,50 @@ NOT_KEPT = frozenset({RequestState.HELD_BACK, RequestState.REFUSED, RequestState
 SILENT = frozenset({RequestState.UNANSWERED, RequestState.UNSUPPORTED})
 
 
-class RateRow:
-    """State of one message."""
+class RateRow(msgspec.Struct, eq=False):
+    """State of one message since the adoption, or since the last reboot."""
 
-    __slots__ = (
-        "_asked_ns", "_pause_ns", "_plateau_hz", "_undone_ns", "before_hz", "contradicted", "is_asked", "is_learned",
-        "is_shown_only", "is_stated", "meter", "msgid", "name", "need_hz", "next_ask_ns", "search",
-        "state", "stated_hz", "undone_by",
-    )  # fmt: skip
+    name: str
+    need_hz: float
+    """Rate that this service needs, hertz."""
+    search: RateSearch
+    meter: ArrivalMeter
+    undone_by: str | None = None
+    """Last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
+    undone_ns: HostNs = HostNs(0)
+    contradicted: int = 0
+    """Number of statements of the autopilot that the measured rate contradicted."""
 
-    def __init__(self, name: str, need_hz: float):
-        self.name = name
-        self.msgid = MESSAGE_IDS[name]
-        self.meter = ArrivalMeter()
-        self.contradicted = 0
-        """Number of statements of the autopilot that the measured rate contradicted."""
-        self.undone_by: str | None = None
-        """Last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
-        self._undone_ns = HostNs(0)
-        self._asked_ns: HostNs | None = None
-        self.state = RequestState.ASKING
-        self.next_ask_ns: HostNs | None = None
-        """Time of the next request; None: none is due."""
-        self.forget_before()
-        self.need(need_hz, HostNs(0))
+    # What was there before our first request.
 
-    def forget_before(self) -> None:
-        """Forget what was there before our first request."""
-        self.is_learned = False
-        """Whether the autopilot's statement is there, or is not awaited any more."""
-        self.stated_hz: float | None = None
-        """Stated rate, hertz, which the arrivals must agree with; inf: with every new value. Where an earlier run
-        of ours left its rate, the default to which it was reset."""
-        self.before_hz: float | None = None
-        """Rate before our first request, hertz; None: not known yet."""
-        self.is_stated = False
-        """Whether :attr:`before_hz` is the autopilot's statement."""
-        self.is_asked = False
-        """Whether a request of ours was sent since: the rate may be ours."""
+    is_learned: bool = False
+    """Whether the autopilot's statement is there, or is not awaited any more."""
+    stated_hz: float | None = None
+    """Stated rate, hertz, which the arrivals must agree with; inf: with every new value. Where an earlier run of ours
+    left its rate, the default to which it was reset."""
+    before_hz: float | None = None
+    """Rate before our first request, hertz; None: not known yet."""
+    is_stated: bool = False
+    """Whether :attr:`before_hz` is the autopilot's statement."""
 
-    def settle_before(self, count: int, elapsed_ns: int) -> None:
-        """Determine the rate before our first request from the statement and from ``count`` arrivals in a time.
+    # Our requests.
 
-        Of a periodic stream between (count - 1) and (count + 1) intervals lie in that time: the highest rate that
-        explains the arrivals is kept, so that the stream is not thinned.
-        """
-        least_hz, most_hz = (count - 1) * NS_PER_S / elapsed_ns, (count + 1) * NS_PER_S / elapsed_ns
-        stated_hz = self.stated_hz
-        if stated_hz is not None and stated_hz != inf:
-            self.is_stated = least_hz <= RISEN * stated_hz and FALLEN * stated_hz <= most_hz
-            self.contradicted += not self.is_stated
-        else:
-            self.is_stated = stated_hz is not None
-        measured_hz = count * NS_PER_S / elapsed_ns
-        self.before_hz = self.stated_hz if self.is_stated else (most_hz if count else 0.0)
-        comes_hz = self.stated_hz if self.is_stated else measured_hz
-        enough = comes_hz is not None and comes_hz >= REACHED * self.need_hz
-        if enough and self.keeps_before and self.state is RequestState.ASKING:
-            self.state, self.next_ask_ns = RequestState.GRANTED, None
+    state: RequestState = RequestState.ASKING
+    next_ask_ns: HostNs | None = None
+    """Time of the next request; None: none is due."""
+    is_asked: bool = False
+    """Whether a request of ours was sent: the rate may be ours."""
+    is_shown_only: bool = False
+    """Whether no acknowledgement follows the request: arrivals alone show its outcome."""
+    asked_ns: HostNs | None = None
+    plateau_hz: float | None = None
+    """Highest rate measured since the last request."""
+    pause_ns: int = FIRST_PAUSE_NS
 
     @property
-    def keeps_before(self) -> bool:
-        """Whether the rate that was there must not be lowered. A stated rate of attitudes may be: plain ATTITUDE is
-        requested slowly on purpose while the quaternion arrives.
-        """
-        return self.name not in ATTITUDES or not self.is_stated
-
-    @property
-    def kept_hz(self) -> float:
-        """Rate that the autopilot must keep despite stations' requests: ours, or what was there if that is higher."""
-        ours_hz = 1e6 / self.interval_us
-        return max(ours_hz, self.before_hz or 0.0) if self.keeps_before else ours_hz
-
-    @property
-    def is_ours(self) -> bool:
-        """Whether the message may come at a rate that only we requested: stations then get it at :attr:`before_hz`.
-
-        A stated rate of attitudes counts too: what no station requests goes at most at a display's rate.
-        """
-        if self.before_hz is None or self.state in SILENT or self.state is RequestState.REFUSED:
-            return False
-        return self.is_asked or (self.is_stated and self.name in ATTITUDES)
-
-    def need(self, need_hz: float, now: HostNs) -> None:
-        """Start over at this rate: no granted rate is known."""
-        self.need_hz = need_hz
-        self.search = RateSearch(need_hz)
-        self.state = RequestState.ASKING
-        self.is_shown_only = False
-        """Whether no acknowledgement follows the request: arrivals alone show its outcome."""
-        self.next_ask_ns = now
-        self._plateau_hz: float | None = None
-        self._pause_ns = FIRST_PAUSE_NS
-
-    def undone(self, by: str, now: HostNs) -> None:
-        """Note the cause of a lost rate."""
-        self.undone_by, self._undone_ns = by, now
-
-    def close(self, state: RequestState) -> None:
-        """Send no further request."""
-        self.state, self.next_ask_ns = state, None
+    def msgid(self) -> int:
+        """Message id."""
+        return MESSAGE_IDS[self.name]
 
     @property
     def granted_hz(self) -> float:
@@ -164,9 +110,65 @@ class RateRow:
         """Interval to request now, microseconds: the next step of the search, or the granted one again."""
         return self.search.asking_us or self.search.accepted_us or round(1e6 / self.need_hz)
 
+    @property
+    def kept_hz(self) -> float:
+        """Rate that the autopilot must keep despite stations' requests: ours, or what was there if that is higher."""
+        return max(1e6 / self.interval_us, self.before_hz or 0.0 if self.keeps_before else 0.0)
+
+    @property
+    def keeps_before(self) -> bool:
+        """Whether the rate that was there must not be lowered. A stated rate of attitudes may be: plain ATTITUDE is
+        requested slowly on purpose while the quaternion arrives.
+        """
+        return self.name not in ATTITUDES or not self.is_stated
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the message may come at a rate that only we requested: stations then get it at :attr:`before_hz`.
+
+        A stated rate of attitudes counts too: what no station requests goes at most at a display's rate.
+        """
+        if self.before_hz is None or self.state in SILENT or self.state is RequestState.REFUSED:
+            return False
+        return self.is_asked or (self.is_stated and self.name in ATTITUDES)
+
+    def settle_before(self, demanded_hz: float, now: HostNs) -> None:
+        """Determine the rate before our first request from the statement and from the arrivals, and whether it is
+        enough for us and for the stations.
+
+        Of a periodic stream between (count - 1) and (count + 1) intervals lie in a time: the highest rate that explains
+        the arrivals is kept, so that the stream is not thinned.
+        """
+        count, per_s = self.meter.count, NS_PER_S / self.meter.elapsed_ns(now)
+        least_hz, most_hz, stated_hz = (count - 1) * per_s, (count + 1) * per_s, self.stated_hz
+        self.is_stated = stated_hz is not None
+        if stated_hz is not None and stated_hz != inf:
+            self.is_stated = least_hz <= RISEN * stated_hz and FALLEN * stated_hz <= most_hz
+            self.contradicted += not self.is_stated
+        self.before_hz = stated_hz if self.is_stated else (most_hz if count else 0.0)
+        comes_hz = stated_hz if self.is_stated else count * per_s
+        enough = comes_hz is not None and comes_hz >= REACHED * max(self.need_hz, demanded_hz)
+        if enough and self.keeps_before and self.state is RequestState.ASKING:
+            self.close(RequestState.GRANTED)
+        self.meter = ArrivalMeter(now)
+
+    def need(self, need_hz: float, now: HostNs) -> None:
+        """Start over at this rate: no granted rate is known."""
+        self.need_hz, self.search = need_hz, RateSearch(need_hz)
+        self.state, self.next_ask_ns, self.is_shown_only = RequestState.ASKING, now, False
+        self.plateau_hz, self.pause_ns = None, FIRST_PAUSE_NS
+
+    def undone(self, by: str, now: HostNs) -> None:
+        """Note the cause of a lost rate."""
+        self.undone_by, self.undone_ns = by, now
+
+    def close(self, state: RequestState) -> None:
+        """Send no further request."""
+        self.state, self.next_ask_ns = state, None
+
     def asked(self, now: HostNs) -> None:
         """Note that the request is sent."""
-        self._asked_ns, self.next_ask_ns, self.is_asked = now, None, True
+        self.asked_ns, self.next_ask_ns, self.is_asked = now, None, True
 
     def asked_by_group(self, now: HostNs) -> None:
         """Note that the message's group is requested, which no acknowledgement follows."""
@@ -174,23 +176,22 @@ class RateRow:
         self.is_shown_only = True
         self.meter.restart(now)
 
-    def ask_soon(self, now: HostNs, pause_ns: int) -> None:
+    def ask_soon(self, now: HostNs, pause_ns: int = 0) -> None:
         """Request again, but not within ``pause_ns`` of the last request."""
         if self.state in {RequestState.HELD_BACK, RequestState.REFUSED}:
             return
-        earliest_ns = now if self._asked_ns is None else max(now, self._asked_ns + pause_ns)
+        earliest_ns = now if self.asked_ns is None else max(now, self.asked_ns + pause_ns)
         self.next_ask_ns = HostNs(min(earliest_ns, self.next_ask_ns if self.next_ask_ns is not None else earliest_ns))
 
     def wait(self, now: HostNs) -> None:
         """Request again after a pause that grows each time."""
-        self.next_ask_ns = HostNs(now + self._pause_ns)
-        self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+        self.next_ask_ns = HostNs(now + self.pause_ns)
+        self.pause_ns = min(2 * self.pause_ns, LONGEST_PAUSE_NS)
 
     def on_result(self, accepted: bool, now: HostNs) -> None:
         """Process the answer to the pending request; the next step of the search is due at once."""
         self.is_shown_only = False
-        if self.search.asking_us is not None:
-            (self.search.on_accepted if accepted else self.search.on_refused)()
+        (self.search.on_accepted if accepted else self.search.on_refused)()
         if self.search.denied:
             self.close(RequestState.REFUSED)
             return
@@ -204,21 +205,22 @@ class RateRow:
 
         ``silence``: state of a request that nothing answers.
         """
-        if now - self._undone_ns >= UNDONE_KEPT_NS:
+        if now - self.undone_ns >= UNDONE_KEPT_NS:
             self.undone_by = None
-        hz, before_hz = self.meter.hz, self._plateau_hz
-        judged = self.state is RequestState.GRANTED or self.state in SILENT or self.is_shown_only
-        if hz is None or not judged or self.state is RequestState.HELD_BACK:
+        hz, before_hz = self.meter.hz, self.plateau_hz
+        if hz is None or not (self.state is RequestState.GRANTED or self.state in SILENT or self.is_shown_only):
+            return None
+        if self.state is RequestState.HELD_BACK:
             return None
         if before_hz is not None and hz < min(FALLEN * before_hz, REACHED * self.granted_hz):
             # A rate above the granted one is due to a station's request, and ends with it.
-            self._plateau_hz = None
+            self.plateau_hz = None
             self.ask_soon(now, FIRST_PAUSE_NS)
             return before_hz
-        self._plateau_hz = max(hz, before_hz or 0.0) or None
+        self.plateau_hz = max(hz, before_hz or 0.0) or None
         if hz >= REACHED * self.granted_hz:
-            self.state = RequestState.GRANTED  # whether the autopilot acknowledged it or not
-            self._pause_ns, self.next_ask_ns = FIRST_PAUSE_NS, None
+            self.close(RequestState.GRANTED)  # whether the autopilot acknowledged it or not
+            self.pause_ns = FIRST_PAUSE_NS
             return None
         if self.is_shown_only:
             risen = hz > (RISEN * self.before_hz if self.before_hz else SHOWN * self.granted_hz)

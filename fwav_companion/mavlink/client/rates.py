@@ -13,11 +13,11 @@ from math import isfinite
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
-from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
-from fwav_companion.mavlink.client.rate_merging import follow_up
-from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, heeds_group_requests
-from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, SILENT, RateRow, RequestState
+from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, StationRates
+from fwav_companion.mavlink.client.rate_search import ArrivalMeter, ArrivalsBefore, RateSearch
+from fwav_companion.mavlink.client.rate_table import ATTITUDE, QUATERNION, SILENT, RateRow, RequestState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
+from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
@@ -38,6 +38,11 @@ BACKGROUND_ATTITUDE_HZ = 4.0
 MAX_NOTICES = 32
 MAX_NAMED = 32
 """Stations whose first request is logged."""
+BLAME_NS = 15 * NS_PER_S
+"""Time after a station's rate request, or after its heartbeat on our link, for which a fallen rate is attributed to
+it."""
+MOST_STATIONS = 8
+COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
 
 class Rates:
@@ -56,17 +61,19 @@ class Rates:
         """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitude_message = attitude_message
-        self._autopilot: Autopilot | None = None
+        self._component = component
+        self._loop: RateReconciler | None = None
+        self._stations = StationRates()
+        self._before = ArrivalsBefore()
         self._now = self._heard_ns = self._check_ns = self._gate_ns = HostNs(0)
         self._one_shots = OneShotRequests(component, follows=follows)
         self._competitors = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
-        self._loop = RateReconciler(self._wanted, component, self._notify)
         self.gate: Callable[[HostNs], bool] | None = None
         """Returns whether requests for rates and parameters may be sent now: closed while another exchange must have
-        the link to itself. The two for the home and the origin pass, because the first position replaces them.
-        None: always open."""
+        the link to itself. The two for the home and the origin leave before it: without them the first position would
+        be the origin. None: always open."""
         self.own_streams = OwnStreams(0, 1, {})
         """Messages whose rate is ours, with their rates without our requests."""
         self.wake_at: HostNs | None = None
@@ -80,6 +87,8 @@ class Rates:
     @property
     def trouble(self) -> str:
         """What the autopilot does with our requests if none was granted and one failed; "" otherwise."""
+        if self._loop is None:
+            return ""
         rows = self._loop.rows.values()
         states = {row.state for row in rows}
         if any(row.state is RequestState.GRANTED and row.is_asked for row in rows):
@@ -97,50 +106,62 @@ class Rates:
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Reconcile this autopilot's rates from now on."""
-        self._autopilot = autopilot
-        names = [name for name in self._wanted if name not in other_firmwares(autopilot.kind)]
-        self._loop.rows = {name: RateRow(name, self._wanted[name]) for name in names}
-        self._loop.before.adopt(autopilot, now)
-        self._begin(now)
+        since_ns, counts = self._before.take(autopilot.system, autopilot.component, now)
+        hz = {name: hz for name, hz in self._wanted.items() if name not in other_firmwares(autopilot.kind)}
+        self._begin(autopilot, [_row(name, hz[name], since_ns, counts[name]) for name in hz], since_ns, now)
 
     def ask_again(self, why: str, now: HostNs) -> None:
         """Start over after a reboot: the autopilot has forgotten every rate. Refused rates are tried again."""
-        for row in self._loop.rows.values():
+        if self._loop is None:
+            return
+        rows = [_row(row.name, self._wanted[row.name], now) for row in self._loop.rows.values()]
+        for row, before in zip(rows, self._loop.rows.values(), strict=True):
+            row.contradicted = before.contradicted
             row.undone(why, now)
-        self._loop.before.restart(now)
-        self._begin(now)
-        if self._autopilot is not None:
-            self._loop.wish_again(self._autopilot)
-            self._wake_when_due()
+        self._begin(self._loop.autopilot, rows, now, now).wish_again()
+        self._wake_when_due()
+
+    def _begin(self, autopilot: Autopilot, rows: list[RateRow], since_ns: HostNs, now: HostNs) -> RateReconciler:
+        self._now = now
+        self._check_ns = HostNs(now + CHECK_NS)
+        loop = self._loop = RateReconciler(
+            autopilot, rows, self._stations, component=self._component, since_ns=since_ns, notify=self._notify
+        )
+        quaternion, plain = loop.rows.get(QUATERNION), loop.rows.get(ATTITUDE)
+        if quaternion is not None and plain is not None and loop.takes_requests:
+            held_back = quaternion if self._attitude_message == ATTITUDE else plain
+            held_back.close(RequestState.HELD_BACK)
+        self._one_shots.begin(autopilot, now)
+        self._wake_when_due()
+        self._share()
+        return loop
 
     def on_message(self, message: Message, now: HostNs) -> None:
         """Count arrivals from our autopilot; process its acknowledgements, intervals and parameters."""
-        autopilot = self._autopilot
-        if autopilot is None:
-            self._loop.before.on_message(message, now)
+        loop = self._loop
+        if loop is None:
+            self._before.on_message(message, now)
             return
-        if message.system != autopilot.system or message.component != autopilot.component:
-            self._competitors.on_message(message, autopilot, now)
+        if message.system != loop.autopilot.system or message.component != loop.autopilot.component:
+            self._competitors.on_message(message, loop.autopilot, now)
             return
-        if now - self._heard_ns > LOST_NS:
-            self._restart_meters(now)
+        if now - self._heard_ns > LOST_NS and not loop.is_learning:
+            for each in loop.rows.values():
+                each.meter.restart(now)
         self._now = self._heard_ns = now
         name = message.name
-        row = self._loop.rows.get(name)
+        row = loop.rows.get(name)
         if row is not None:
-            row.meter.arrived()
-            if self._loop.is_learning:
-                self._loop.before.count(name)
+            row.meter.count += 1
+            if name in {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}:
+                self._one_shots.on_message(message)
         elif name == "COMMAND_ACK":
-            self._loop.on_ack(autopilot, message, now)
-        elif name == "MESSAGE_INTERVAL":
-            self._loop.on_interval(autopilot, message)
-        else:
-            self._one_shots.on_message(message)
-            return
-        if row is None:
+            loop.on_ack(message, now)
             self._wake_when_due()
-        elif name in {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}:
+        elif name == "MESSAGE_INTERVAL":
+            loop.on_interval(message)
+            self._wake_when_due()
+        else:
             self._one_shots.on_message(message)
 
     def on_rate_request_passed(self, requester: str, now: HostNs) -> None:
@@ -148,22 +169,23 @@ class Rates:
 
         Further ones within half a second are answered after it: ground stations send half a dozen in a row.
         """
-        if self._autopilot is None:
+        loop = self._loop
+        if loop is None:
             return
         if self._competitors.saw(requester, now):
             text = f"{requester} asks the autopilot for other message rates over our link: asked again"
             self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
         self._now = now
-        for row in self._loop.rows.values():
+        for row in loop.rows.values():
             if row.state is RequestState.GRANTED:
                 row.undone(requester, now)
-            if not self._loop.is_learning:
+            if not loop.is_learning:
                 row.ask_soon(now, PASSED_PAUSE_NS)
         self._wake_when_due()
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
         """Set the highest rates, hertz by message id, that stations on merging links want: ours never lower them."""
-        self._loop.demanded = demanded
+        self._stations.demanded = demanded
 
     def on_merged_requests(
         self, requests: Sequence[RateRequest], demanded: Mapping[int, float], now: HostNs
@@ -172,35 +194,36 @@ class Rates:
         :meth:`stations_want`.
         """
         self.stations_want(demanded)
-        autopilot = self._autopilot
-        if autopilot is None or not self._takes_requests:
+        loop = self._loop
+        if loop is None or not loop.takes_requests:
             return []
         followed = []
         for request in requests:
-            if request.reaches(autopilot.system, autopilot.component):
-                self._name(request)
+            if request.reaches(loop.autopilot.system, loop.autopilot.component):
                 self._competitors.saw(request.requester, now)
-                self._loop.note_request(autopilot, request)
-                kept = {} if self._loop.is_learning else self._kept_hz()
-                what = follow_up(request, kept, demanded, heeds_groups=heeds_group_requests(autopilot))
-                followed += self._loop.follow(autopilot, what, now)
+                if request.requester not in self._named and len(self._named) < MAX_NAMED:
+                    self._named.add(request.requester)
+                    text = f"{request.requester} asks the autopilot for message rates: merged with ours"
+                    self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
+                followed += loop.on_station_request(request, now)
         self._share()
         return followed
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """Return the requests that are due."""
-        autopilot = self._autopilot
-        if autopilot is None:
+        loop = self._loop
+        if loop is None:
             return []
         self._now = now
         if now >= self._check_ns:
             self._check_ns = HostNs(now + CHECK_NS)
-            self._check(autopilot, now)
+            if not loop.is_learning:
+                self._check(loop, now)
         asked: list[Outgoing] = []
-        if self._takes_requests:
+        if loop.takes_requests:
             is_open = self.gate is None or self.gate(now)
             self._gate_ns = HostNs(0 if is_open else now + GATE_NS)
-            asked = self._loop.reconcile(autopilot, now) if is_open else []
+            asked = loop.reconcile(now) if is_open else []
             asked += self._one_shots.on_wake(now, parameters=is_open)
         self._wake_when_due()
         self._share()
@@ -220,84 +243,51 @@ class Rates:
 
     def status(self) -> dict[str, StreamReport]:
         """Return the state of each requested message by its name."""
-        return {name: row.status() for name, row in self._loop.rows.items()}
-
-    # The state of the table.
-
-    def _begin(self, now: HostNs) -> None:
-        self._now = now
-        self._loop.begin()
-        for row in self._loop.rows.values():
-            row.forget_before()
-            row.need(self._wanted[row.name], now)
-            row.meter.forget(now)
-        quaternion, plain = self._loop.rows.get(QUATERNION), self._loop.rows.get(ATTITUDE)
-        if quaternion is not None and plain is not None:
-            held_back = quaternion if self._attitude_message == ATTITUDE else plain
-            held_back.close(RequestState.HELD_BACK)
-        self._check_ns = HostNs(now + CHECK_NS)
-        if self._autopilot is not None:
-            if not self._takes_requests:
-                for row in self._loop.rows.values():
-                    row.close(RequestState.UNSUPPORTED)
-            self._one_shots.begin(self._autopilot, now)
-            self._wake_when_due()
-            self._share()
-
-    @property
-    def _takes_requests(self) -> bool:
-        """Whether requests can be addressed to the autopilot: system 0 would address every vehicle."""
-        return self._autopilot is not None and self._autopilot.system != 0
-
-    def _kept_hz(self) -> dict[int, float]:
-        return {row.msgid: row.kept_hz for row in self._loop.rows.values() if row.state not in NOT_KEPT}
+        return {} if self._loop is None else {name: row.status() for name, row in self._loop.rows.items()}
 
     def _wake_when_due(self) -> None:
         """Set the next due time. It is kept and recomputed on changes only, because every arriving message reads
         it.
         """
         due = [self._check_ns]
-        if self._takes_requests:
-            asking = [when for when in (self._loop.next_ask(), self._one_shots.wake_at) if when is not None]
+        if self._loop is not None and self._loop.takes_requests:
+            asking = [when for when in (self._loop.next_ask_ns, self._one_shots.wake_at) if when is not None]
             due += [max(when, self._gate_ns) for when in asking]
         self.wake_at = max(min(due), self._now)
 
     def _share(self) -> None:
-        autopilot = self._autopilot
-        if autopilot is None:
+        if self._loop is None:
             return
         ours = [row for row in self._loop.rows.values() if row.is_ours]
         self.own_streams = OwnStreams(
-            autopilot.system,
-            autopilot.component,
+            self._loop.autopilot.system,
+            self._loop.autopilot.component,
             {row.msgid: row.before_hz or 0.0 for row in ours},
             frozenset(row.msgid for row in ours if row.is_stated),
         )
 
-    def _check(self, autopilot: Autopilot, now: HostNs) -> None:
+    def _check(self, loop: RateReconciler, now: HostNs) -> None:
         """Measure the rates, and act on those that fell."""
-        silence = RequestState.UNSUPPORTED if self._loop.is_unsupported else RequestState.UNANSWERED
-        for row in self._loop.rows.values():
-            if row.meter.roll(now, row.granted_hz) and self._takes_requests and not self._loop.is_learning:
-                fell_from_hz = row.judge(now, silence)
-                if fell_from_hz is not None and now - self._heard_ns <= SILENT_NS:
-                    row.undone(self._competitors.to_blame(autopilot, now), now)
-                    self._notify(
-                        NoticeCode.RATE_FELL,
-                        Severity.WARNING,
-                        f"{row.name} fell from {fell_from_hz:.1f} to {row.meter.hz or 0.0:.1f} Hz"
-                        f" (undone by: {row.undone_by}): asked again",
-                    )
-        self._share_attitude(now)
+        silence = RequestState.UNSUPPORTED if loop.is_unsupported else RequestState.UNANSWERED
+        for row in loop.rows.values():
+            if not row.meter.roll(now, row.granted_hz) or not loop.takes_requests:
+                continue
+            fell_from_hz = row.judge(now, silence)
+            if fell_from_hz is not None and now - self._heard_ns <= SILENT_NS:
+                row.undone(self._competitors.to_blame(loop.autopilot, now), now)
+                self._notify(
+                    NoticeCode.RATE_FELL,
+                    Severity.WARNING,
+                    f"{row.name} fell from {fell_from_hz:.1f} to {row.meter.hz or 0.0:.1f} Hz"
+                    f" (undone by: {row.undone_by}): asked again",
+                )
+        if loop.takes_requests:
+            self._share_attitude(loop, now)
 
-    def _restart_meters(self, now: HostNs) -> None:
-        for row in self._loop.rows.values():
-            row.meter.restart(now)
-
-    def _share_attitude(self, now: HostNs) -> None:
+    def _share_attitude(self, loop: RateReconciler, now: HostNs) -> None:
         """Request plain ATTITUDE slowly while the quaternion arrives, and at the full rate if it is not available."""
-        quaternion, plain = self._loop.rows.get(QUATERNION), self._loop.rows.get(ATTITUDE)
-        if quaternion is None or plain is None or self._attitude_message == ATTITUDE or not self._takes_requests:
+        quaternion, plain = loop.rows.get(QUATERNION), loop.rows.get(ATTITUDE)
+        if quaternion is None or plain is None or self._attitude_message == ATTITUDE:
             return
         failed = quaternion.state in SILENT | {RequestState.REFUSED, RequestState.HELD_BACK}
         failed |= quaternion.state is RequestState.GRANTED and quaternion.meter.hz == 0.0
@@ -310,11 +300,50 @@ class Rates:
         if plain.state is RequestState.HELD_BACK or plain.need_hz != hz:
             plain.need(hz, now)
 
-    def _name(self, request: RateRequest) -> None:
-        if request.requester not in self._named and len(self._named) < MAX_NAMED:
-            self._named.add(request.requester)
-            text = f"{request.requester} asks the autopilot for message rates: merged with ours"
-            self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
-
     def _notify(self, code: NoticeCode, severity: Severity, text: str) -> None:
         self._notices.append(Notice(code, severity, text))
+
+
+class RateCompetitors:
+    """Finds which station may have changed our rates: one whose request was seen, or else one that is present.
+
+    Behind a router, or on the same radio, a ground station's requests do not pass through us; its heartbeat shows that
+    it is present.
+    """
+
+    __slots__ = ("_seen", "_stations")
+
+    def __init__(self) -> None:
+        self._seen: tuple[str, HostNs] | None = None
+        self._stations: dict[tuple[int, int], HostNs] = {}
+
+    def saw(self, sender: str, now: HostNs) -> bool:
+        """Note a station's rate request to the autopilot. Returns True unless the last one was from the same station,
+        lately.
+        """
+        before, self._seen = self._seen, (sender, now)
+        return before is None or before[0] != sender or now - before[1] > BLAME_NS
+
+    def on_message(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
+        """Take a message of another component on the autopilot's link."""
+        if message.link != autopilot.link:
+            return
+        sender = (message.system, message.component)
+        if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
+            if sender in self._stations or len(self._stations) < MOST_STATIONS:
+                self._stations[sender] = now
+        elif message.name in COMMANDS and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
+            self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
+
+    def to_blame(self, autopilot: Autopilot, now: HostNs) -> str:
+        """Return the station whose request was seen, or else the stations that are present and presumed."""
+        if self._seen is not None and now - self._seen[1] <= BLAME_NS:
+            return self._seen[0]
+        present = sorted(sender for sender, heard_ns in self._stations.items() if now - heard_ns <= BLAME_NS)
+        names = ", ".join(f"{system}/{component}" for system, component in present)
+        return f"presumably the ground station {names} on {autopilot.link}" if names else "no station seen"
+
+
+def _row(name: str, need_hz: float, since_ns: HostNs, count: int = 0) -> RateRow:
+    """Return a row that is due. ``count``: arrivals since then."""
+    return RateRow(name, need_hz, RateSearch(need_hz), ArrivalMeter(since_ns, count), next_ask_ns=since_ns)

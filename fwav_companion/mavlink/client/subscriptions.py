@@ -1,8 +1,7 @@
-"""Lists the messages that we want from the autopilot, their rates, and the stream that contains each."""
+"""Lists the messages that we want from the autopilot, and their rates."""
 
 from __future__ import annotations
 
-from fwav_companion.mavlink.wire import enums
 from fwav_companion.types.situation import AutopilotKind
 
 MESSAGE_IDS = {
@@ -22,14 +21,6 @@ MESSAGE_IDS = {
     "HOME_POSITION": 242,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": 285,
 }
-DATA_STREAMS = {
-    "ATTITUDE": enums.MAV_DATA_STREAM_EXTRA1,
-    "ATTITUDE_QUATERNION": enums.MAV_DATA_STREAM_EXTRA1,
-    "LOCAL_POSITION_NED": enums.MAV_DATA_STREAM_POSITION,
-    "GLOBAL_POSITION_INT": enums.MAV_DATA_STREAM_POSITION,
-    "GPS_RAW_INT": enums.MAV_DATA_STREAM_EXTENDED_STATUS,
-}
-"""Stream of REQUEST_DATA_STREAM that contains the message; EXTRA3 for the others."""
 ONLY_ARDUPILOT = frozenset({"EKF_STATUS_REPORT"})
 """Messages that PX4 does not have."""
 ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS"})
