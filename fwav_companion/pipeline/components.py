@@ -93,6 +93,7 @@ class Components:
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
             rate_trouble=self.rates.trouble,
+            attitude_pending=self.rates.attitude_pending,
             clock_sigma_s=self.telemetry.clock.sigma_s_at(now),
             frames_hz=camera.frames_hz(now),
             frame_age_s=camera.frame_age_s(now),

@@ -24,7 +24,7 @@ CHECK_NS = NS_PER_S
 EARLIEST_NS = 3 * NS_PER_S
 """Time after the adoption before the vehicle is reported as ready: the rate meter needs one full window of 2 s."""
 LATEST_NS = 5 * NS_PER_S
-"""Time after the adoption until the first report at the latest."""
+"""Time after the adoption until the first report, except of a slow attitude whose request has no outcome yet."""
 HOLD_NS = 3 * NS_PER_S
 """Time for which a change must hold before it is reported."""
 REPORT_NS = 10 * NS_PER_S
@@ -101,6 +101,8 @@ class Readiness(msgspec.Struct, frozen=True, kw_only=True):
     wanted_attitude_hz: float
     rate_trouble: str = ""
     """What the autopilot does with requests for message rates if it grants none; "" otherwise."""
+    attitude_pending: bool = False
+    """Whether our request for the attitude's rate has no outcome yet."""
     clock_sigma_s: float
     """One sigma of the autopilot's clock, seconds; infinite while it is unknown."""
     frames_hz: float
@@ -173,7 +175,11 @@ def readiness_notice(readiness: Readiness, reported: NoticeCode | None = None) -
 
 
 class ReadinessReports:
-    """Decides when readiness is reported: first 3 to 5 s after the adoption, then when a change has held for 3 s."""
+    """Decides when readiness is reported: first 3 to 5 s after the adoption, then when a change has held for 3 s.
+
+    A slow attitude is first reported 3 s after the outcome of our request for its rate: an autopilot that answers
+    nothing may still obey one (INAV), and the text would say the opposite.
+    """
 
     def __init__(self) -> None:
         self.wake_at: HostNs | None = None
@@ -183,6 +189,7 @@ class ReadinessReports:
         self._reports_ns: deque[HostNs] = deque(maxlen=2)
         self._changed: NoticeCode | None = None
         self._changed_ns = HostNs(0)
+        self._pending_ns = HostNs(0)
 
     def begin(self, now: HostNs) -> None:
         """Forget earlier reports: the autopilot was adopted, came back, or rebooted."""
@@ -197,6 +204,8 @@ class ReadinessReports:
     def on_wake(self, readiness: Readiness, now: HostNs) -> Notice | None:
         """Notice to send now; None where no change is to be reported."""
         self.wake_at = HostNs(now + CHECK_NS)
+        if readiness.attitude_pending:
+            self._pending_ns = now
         notice = readiness_notice(readiness, self._reported)
         due = self._is_due(notice.code, now)
         return self._report(notice, now) if due and not readiness.autopilot_silent else None
@@ -208,6 +217,8 @@ class ReadinessReports:
         return None if self._reported is None or repeated else self._report(notice, now)
 
     def _is_due(self, code: NoticeCode, now: HostNs) -> bool:
+        if code is NoticeCode.NOT_READY_SLOW_ATTITUDE and now < self._pending_ns + HOLD_NS:
+            return False
         if self._reported is None:
             return now >= self._began_ns + (EARLIEST_NS if code is NoticeCode.READY else LATEST_NS)
         if code is self._reported:

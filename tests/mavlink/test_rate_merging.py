@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from fwav_companion.mavlink.client.rate_reconciler import missing_rates
+from fwav_companion.mavlink.client.rate_dialogue import missing_rates
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
 from fwav_companion.mavlink.wire.stream_groups import group_ids
 

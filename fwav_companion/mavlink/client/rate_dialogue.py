@@ -1,8 +1,11 @@
-"""Speaks with the autopilot about rates: one question at a time, repeated a few times, with its answer."""
+"""Speaks with the autopilot about rates: one question at a time, repeated a few times, with its answer; and lists the
+rates that are to be requested.
+"""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from enum import Enum, auto
 from typing import Any
 
@@ -12,6 +15,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.mavlink.client.rate_table import RateRow
 from fwav_companion.mavlink.client.requests import command, request
 from fwav_companion.mavlink.wire import enums
+from fwav_companion.mavlink.wire.stream_groups import GROUPS, group_ids
 from fwav_companion.types.messages import Message, Outgoing
 from fwav_companion.types.situation import Autopilot
 
@@ -21,6 +25,9 @@ LEARN_TRIES = 3
 """Tries of GET_MESSAGE_INTERVAL: three timeouts are the two seconds after which the rate is measured instead."""
 MAX_STREAM_RATE = 0xFFFF
 MAX_AWAITED = 256
+ROUNDING = 1.001
+"""Ratio below which two rates are equal: intervals are whole microseconds on the wire, whole milliseconds in
+autopilots."""
 SET, GET = enums.MAV_CMD_SET_MESSAGE_INTERVAL, enums.MAV_CMD_GET_MESSAGE_INTERVAL
 DEFAULT_US = 0
 """param2 of SET_MESSAGE_INTERVAL for the autopilot's own rate (common.xml)."""
@@ -140,3 +147,33 @@ class RateDialogue:
         if question is None or not question.is_about_before or question.msgid != message.fields.message_id:
             return None
         return question
+
+
+def missing_rates(
+    left_hz: Mapping[int, float],
+    ours_hz: Mapping[int, float],
+    demanded_hz: Mapping[int, float],
+    *,
+    by_group: bool = False,
+) -> tuple[dict[int, float], list[tuple[int, float]]]:
+    """Return the rates to request, hertz: those above the rates at which the messages of ``left_hz`` are left.
+
+    First the groups, by MAV_DATA_STREAM (``by_group``): a group is requested as a whole where each of its messages is
+    demanded at a higher rate. Then (message id, hertz) in order of sending: ours, and after it a station's higher one,
+    which the autopilot may refuse. ``ours_hz``: rates of this service; ``demanded_hz``: the highest of all stations.
+    """
+    present_hz = dict(left_hz)
+    groups: dict[int, float] = {}
+    for number in GROUPS if by_group else ():
+        members = group_ids(number)
+        if members <= present_hz.keys():
+            hz = min(demanded_hz.get(msgid, 0.0) for msgid in members)
+            if hz > ROUNDING * max(present_hz[msgid] for msgid in members):
+                groups[number] = hz
+                present_hz |= dict.fromkeys(members, hz)
+    messages: list[tuple[int, float]] = []
+    for rates_hz in (ours_hz, demanded_hz):
+        higher = {msgid: hz for msgid in present_hz if (hz := rates_hz.get(msgid, 0.0)) > ROUNDING * present_hz[msgid]}
+        present_hz |= higher
+        messages += higher.items()
+    return groups, messages

@@ -14,12 +14,12 @@ from math import inf
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.client.rate_dialogue import Question, QuestionKind, RateDialogue
+from fwav_companion.mavlink.client.rate_dialogue import Question, QuestionKind, RateDialogue, missing_rates
 from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, RateRow, RequestState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
-from fwav_companion.mavlink.wire.stream_groups import GROUPS, group_ids, group_of
+from fwav_companion.mavlink.wire.stream_groups import group_ids, group_of
 from fwav_companion.types.messages import Message, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
@@ -29,9 +29,6 @@ GROUP_PAUSE_NS = NS_PER_S
 """Time in which one REQUEST_DATA_STREAM serves every message of its group that is due."""
 SAME_RATE = 0.01
 """Relative difference up to which a stated rate may be what an earlier run of this service requested."""
-ROUNDING = 1.001
-"""Ratio below which two rates are equal: intervals are whole microseconds on the wire, whole milliseconds in
-autopilots."""
 MAX_SINGLE = 128
 """Messages remembered as requested by SET_MESSAGE_INTERVAL."""
 Notify = Callable[[NoticeCode, Severity, str], None]
@@ -325,36 +322,6 @@ class RateReconciler:
                 f"{row.name} at {row.need_hz:g} Hz is refused: the highest accepted rate is"
                 f" {row.granted_hz:.1f} Hz (ArduPilot allows 0.8 SCHED_LOOP_RATE)",
             )
-
-
-def missing_rates(
-    left_hz: Mapping[int, float],
-    ours_hz: Mapping[int, float],
-    demanded_hz: Mapping[int, float],
-    *,
-    by_group: bool = False,
-) -> tuple[dict[int, float], list[tuple[int, float]]]:
-    """Return the rates to request, hertz: those above the rates at which the messages of ``left_hz`` are left.
-
-    First the groups, by MAV_DATA_STREAM (``by_group``): a group is requested as a whole where each of its messages is
-    demanded at a higher rate. Then (message id, hertz) in order of sending: ours, and after it a station's higher one,
-    which the autopilot may refuse. ``ours_hz``: rates of this service; ``demanded_hz``: the highest of all stations.
-    """
-    present_hz = dict(left_hz)
-    groups: dict[int, float] = {}
-    for number in GROUPS if by_group else ():
-        members = group_ids(number)
-        if members <= present_hz.keys():
-            hz = min(demanded_hz.get(msgid, 0.0) for msgid in members)
-            if hz > ROUNDING * max(present_hz[msgid] for msgid in members):
-                groups[number] = hz
-                present_hz |= dict.fromkeys(members, hz)
-    messages: list[tuple[int, float]] = []
-    for rates_hz in (ours_hz, demanded_hz):
-        higher = {msgid: hz for msgid in present_hz if (hz := rates_hz.get(msgid, 0.0)) > ROUNDING * present_hz[msgid]}
-        present_hz |= higher
-        messages += higher.items()
-    return groups, messages
 
 
 def _group_to_ask(row: RateRow) -> int:

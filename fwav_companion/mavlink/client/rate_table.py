@@ -243,3 +243,8 @@ class RateRow(msgspec.Struct, eq=False):
             state=str(self.state),
             undone_by=self.undone_by,
         )
+
+
+def new_row(name: str, need_hz: float, since_ns: HostNs, count: int = 0) -> RateRow:
+    """Return a row that is due. ``count``: arrivals since then."""
+    return RateRow(name, need_hz, RateSearch(need_hz), ArrivalMeter(since_ns, count), next_ask_ns=since_ns)

@@ -14,8 +14,16 @@ from math import isfinite
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
 from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, StationRates
-from fwav_companion.mavlink.client.rate_search import ArrivalMeter, ArrivalsBefore, RateSearch
-from fwav_companion.mavlink.client.rate_table import ATTITUDE, QUATERNION, SILENT, RateRow, RequestState
+from fwav_companion.mavlink.client.rate_search import ArrivalsBefore
+from fwav_companion.mavlink.client.rate_table import (
+    ATTITUDE,
+    ATTITUDES,
+    QUATERNION,
+    SILENT,
+    RateRow,
+    RequestState,
+    new_row,
+)
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
@@ -35,14 +43,12 @@ GATE_NS = 50 * NS_PER_MS
 """Interval at which a closed gate is tried again."""
 BACKGROUND_ATTITUDE_HZ = 4.0
 """Rate of plain ATTITUDE while the quaternion arrives: enough for a ground station's horizon."""
-MAX_NOTICES = 32
-MAX_NAMED = 32
-"""Stations whose first request is logged."""
+MAX_NOTICES = MAX_NAMED = 32
+"""Notices kept for the log, and stations whose first request is logged."""
 BLAME_NS = 15 * NS_PER_S
 """Time after a station's rate request, or after its heartbeat on our link, for which a fallen rate is attributed to
 it."""
 MOST_STATIONS = 8
-COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
 
 class Rates:
@@ -100,6 +106,12 @@ class Rates:
         return "refuses rate requests" if RequestState.REFUSED in states else ""
 
     @property
+    def attitude_pending(self) -> bool:
+        """Whether our request for the attitude has no outcome yet."""
+        rows = {} if self._loop is None else self._loop.rows
+        return any(rows[name].state is RequestState.ASKING for name in ATTITUDES & rows.keys())
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Values of the requested parameters that the autopilot has reported."""
         return self._one_shots.parameters
@@ -108,13 +120,13 @@ class Rates:
         """Reconcile this autopilot's rates from now on."""
         since_ns, counts = self._before.take(autopilot.system, autopilot.component, now)
         hz = {name: hz for name, hz in self._wanted.items() if name not in other_firmwares(autopilot.kind)}
-        self._begin(autopilot, [_row(name, hz[name], since_ns, counts[name]) for name in hz], since_ns, now)
+        self._begin(autopilot, [new_row(name, hz[name], since_ns, counts[name]) for name in hz], since_ns, now)
 
     def ask_again(self, why: str, now: HostNs) -> None:
         """Start over after a reboot: the autopilot has forgotten every rate. Refused rates are tried again."""
         if self._loop is None:
             return
-        rows = [_row(row.name, self._wanted[row.name], now) for row in self._loop.rows.values()]
+        rows = [new_row(row.name, self._wanted[row.name], now) for row in self._loop.rows.values()]
         for row, before in zip(rows, self._loop.rows.values(), strict=True):
             row.contradicted = before.contradicted
             row.undone(why, now)
@@ -133,7 +145,7 @@ class Rates:
             held_back.close(RequestState.HELD_BACK)
         self._one_shots.begin(autopilot, now)
         self._wake_when_due()
-        self._share()
+        self._share(loop)
         return loop
 
     def on_message(self, message: Message, now: HostNs) -> None:
@@ -206,7 +218,7 @@ class Rates:
                     text = f"{request.requester} asks the autopilot for message rates: merged with ours"
                     self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
                 followed += loop.on_station_request(request, now)
-        self._share()
+        self._share(loop)
         return followed
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
@@ -226,7 +238,7 @@ class Rates:
             asked = loop.reconcile(now) if is_open else []
             asked += self._one_shots.on_wake(now, parameters=is_open)
         self._wake_when_due()
-        self._share()
+        self._share(loop)
         return asked
 
     def open_gate(self, now: HostNs) -> None:
@@ -246,22 +258,18 @@ class Rates:
         return {} if self._loop is None else {name: row.status() for name, row in self._loop.rows.items()}
 
     def _wake_when_due(self) -> None:
-        """Set the next due time. It is kept and recomputed on changes only, because every arriving message reads
-        it.
-        """
+        """Set the next due time, which every arriving message reads."""
         due = [self._check_ns]
         if self._loop is not None and self._loop.takes_requests:
             asking = [when for when in (self._loop.next_ask_ns, self._one_shots.wake_at) if when is not None]
             due += [max(when, self._gate_ns) for when in asking]
         self.wake_at = max(min(due), self._now)
 
-    def _share(self) -> None:
-        if self._loop is None:
-            return
-        ours = [row for row in self._loop.rows.values() if row.is_ours]
+    def _share(self, loop: RateReconciler) -> None:
+        ours = [row for row in loop.rows.values() if row.is_ours]
         self.own_streams = OwnStreams(
-            self._loop.autopilot.system,
-            self._loop.autopilot.component,
+            loop.autopilot.system,
+            loop.autopilot.component,
             {row.msgid: row.before_hz or 0.0 for row in ours},
             frozenset(row.msgid for row in ours if row.is_stated),
         )
@@ -332,7 +340,10 @@ class RateCompetitors:
         if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
             if sender in self._stations or len(self._stations) < MOST_STATIONS:
                 self._stations[sender] = now
-        elif message.name in COMMANDS and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
+        elif (
+            message.name in {"COMMAND_LONG", "COMMAND_INT"}
+            and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL
+        ):
             self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
 
     def to_blame(self, autopilot: Autopilot, now: HostNs) -> str:
@@ -342,8 +353,3 @@ class RateCompetitors:
         present = sorted(sender for sender, heard_ns in self._stations.items() if now - heard_ns <= BLAME_NS)
         names = ", ".join(f"{system}/{component}" for system, component in present)
         return f"presumably the ground station {names} on {autopilot.link}" if names else "no station seen"
-
-
-def _row(name: str, need_hz: float, since_ns: HostNs, count: int = 0) -> RateRow:
-    """Return a row that is due. ``count``: arrivals since then."""
-    return RateRow(name, need_hz, RateSearch(need_hz), ArrivalMeter(since_ns, count), next_ask_ns=since_ns)
