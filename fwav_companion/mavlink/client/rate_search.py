@@ -1,4 +1,4 @@
-"""Measures the rate of arriving messages, and searches the highest rate that the autopilot accepts for one."""
+"""Measures the rates of messages, searches the highest that the autopilot accepts, and finds who changed one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from math import sqrt
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
+from fwav_companion.mavlink.wire import enums
 from fwav_companion.types.messages import Message
+from fwav_companion.types.situation import Autopilot
 
 SLOWEST_US = 1_000_000
 """Slowest interval tried: if it, or a longer wanted one, is refused, the autopilot does not send the message."""
@@ -20,6 +22,11 @@ ARRIVALS_PER_WINDOW = 8.0
 LONGEST_NS = 10 * NS_PER_S
 """Longest time of counting before an adoption; a longer one would average over changes of the rates."""
 MAX_SENDERS = 16
+BLAME_NS = 15 * NS_PER_S
+"""Time after a station's rate request, or after its heartbeat on our link, for which a fallen rate is attributed to
+it."""
+MOST_STATIONS = 8
+COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 
 
 class RateSearch:
@@ -124,3 +131,46 @@ class ArrivalsBefore:
         """Return the beginning and the counts of the adopted sender, and forget all."""
         senders, self._senders = self._senders, {}
         return senders.get((system, component), (now, Counter()))
+
+
+class RateCompetitors:
+    """Finds which station may have changed our rates: one whose request was seen, or else one that is present.
+
+    Behind a router, or on the same radio, a ground station's requests do not pass through us; its heartbeat shows that
+    it is present.
+    """
+
+    __slots__ = ("_seen", "_stations")
+
+    def __init__(self) -> None:
+        self._seen: tuple[str, HostNs] | None = None
+        self._stations: dict[tuple[int, int], HostNs] = {}
+
+    def saw(self, sender: str, now: HostNs) -> bool:
+        """Note a station's rate request to the autopilot. Returns True unless the last one was from the same station,
+        lately.
+        """
+        before, self._seen = self._seen, (sender, now)
+        return before is None or before[0] != sender or now - before[1] > BLAME_NS
+
+    def on_message(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
+        """Take a message of another component on the autopilot's link."""
+        if message.link != autopilot.link:
+            return
+        sender = (message.system, message.component)
+        if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
+            if sender in self._stations or len(self._stations) < MOST_STATIONS:
+                self._stations[sender] = now
+        elif (
+            message.name in {"COMMAND_LONG", "COMMAND_INT"}
+            and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL
+        ):
+            self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
+
+    def to_blame(self, autopilot: Autopilot, now: HostNs) -> str:
+        """Return the station whose request was seen, or else the stations that are present and presumed."""
+        if self._seen is not None and now - self._seen[1] <= BLAME_NS:
+            return self._seen[0]
+        present = sorted(sender for sender, heard_ns in self._stations.items() if now - heard_ns <= BLAME_NS)
+        names = ", ".join(f"{system}/{component}" for system, component in present)
+        return f"presumably the ground station {names} on {autopilot.link}" if names else "no station seen"

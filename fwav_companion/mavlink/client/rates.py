@@ -14,7 +14,7 @@ from math import isfinite
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
 from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, StationRates
-from fwav_companion.mavlink.client.rate_search import ArrivalsBefore
+from fwav_companion.mavlink.client.rate_search import ArrivalsBefore, RateCompetitors
 from fwav_companion.mavlink.client.rate_table import (
     ATTITUDE,
     ATTITUDES,
@@ -25,7 +25,6 @@ from fwav_companion.mavlink.client.rate_table import (
     new_row,
 )
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
-from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
@@ -45,10 +44,6 @@ BACKGROUND_ATTITUDE_HZ = 4.0
 """Rate of plain ATTITUDE while the quaternion arrives: enough for a ground station's horizon."""
 MAX_NOTICES = MAX_NAMED = 32
 """Notices kept for the log, and stations whose first request is logged."""
-BLAME_NS = 15 * NS_PER_S
-"""Time after a station's rate request, or after its heartbeat on our link, for which a fallen rate is attributed to
-it."""
-MOST_STATIONS = 8
 
 
 class Rates:
@@ -310,46 +305,3 @@ class Rates:
 
     def _notify(self, code: NoticeCode, severity: Severity, text: str) -> None:
         self._notices.append(Notice(code, severity, text))
-
-
-class RateCompetitors:
-    """Finds which station may have changed our rates: one whose request was seen, or else one that is present.
-
-    Behind a router, or on the same radio, a ground station's requests do not pass through us; its heartbeat shows that
-    it is present.
-    """
-
-    __slots__ = ("_seen", "_stations")
-
-    def __init__(self) -> None:
-        self._seen: tuple[str, HostNs] | None = None
-        self._stations: dict[tuple[int, int], HostNs] = {}
-
-    def saw(self, sender: str, now: HostNs) -> bool:
-        """Note a station's rate request to the autopilot. Returns True unless the last one was from the same station,
-        lately.
-        """
-        before, self._seen = self._seen, (sender, now)
-        return before is None or before[0] != sender or now - before[1] > BLAME_NS
-
-    def on_message(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
-        """Take a message of another component on the autopilot's link."""
-        if message.link != autopilot.link:
-            return
-        sender = (message.system, message.component)
-        if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
-            if sender in self._stations or len(self._stations) < MOST_STATIONS:
-                self._stations[sender] = now
-        elif (
-            message.name in {"COMMAND_LONG", "COMMAND_INT"}
-            and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL
-        ):
-            self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
-
-    def to_blame(self, autopilot: Autopilot, now: HostNs) -> str:
-        """Return the station whose request was seen, or else the stations that are present and presumed."""
-        if self._seen is not None and now - self._seen[1] <= BLAME_NS:
-            return self._seen[0]
-        present = sorted(sender for sender, heard_ns in self._stations.items() if now - heard_ns <= BLAME_NS)
-        names = ", ".join(f"{system}/{component}" for system, component in present)
-        return f"presumably the ground station {names} on {autopilot.link}" if names else "no station seen"
