@@ -1,6 +1,7 @@
 """Message rates between the autopilot, the daemon and a ground station that wants others."""
 
 import os
+import re
 import select
 import threading
 import time
@@ -47,6 +48,41 @@ def hear_until_measured(site: Site, name: str, hz: float, within_s: float = 60.0
         if measured is not None and measured > 0.85 * hz:
             return
     pytest.fail(f"{name} came at {measured} of {hz} Hz")
+
+
+FIRST_OFF = ("--first-timesync-off", "0.115")
+TWO_TERMINALS = {
+    "inav": (("--autopilot", "inav"), r"not ready: attitude at (4[5-9]|5\d) Hz, wanted 100 Hz: "),
+    "betaflight": (
+        ("--autopilot", "betaflight"),
+        r"not ready: attitude at (9|1\d) Hz, wanted 100 Hz; the autopilot takes no rate requests",
+    ),
+    "mute": (
+        ("--autopilot", "mute"),
+        r"not ready: attitude at [345] Hz, wanted 100 Hz; the autopilot answers no rate request",
+    ),
+    "ack-only": (("--autopilot", "ack-only"), r"\bready: attitude (8|9|10)\d Hz"),
+    "first-timesync-off": (FIRST_OFF, r"\bready: attitude (8|9|10)\d Hz"),
+}
+"""Arguments of the mock, and how readiness is reported, by name."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("name", TWO_TERMINALS)
+def test_two_terminals_bring_a_target_and_attitude_and_say_nothing_false(site: Site, name: str):
+    """As the README starts them. A note about the load of this machine may be true."""
+    words, readiness = TWO_TERMINALS[name]
+    with site.service() as service, site.mock(*words):
+        heard = site.ground.listen(until="CAMERA_TRACKING_GEO_STATUS", count=3)
+        service.wait_for(r"ready: attitude .*\n", within_s=60.0)
+        assert service.stop() == 0
+    assert [m for m in heard if m.get_type() == "ATTITUDE" and m.get_srcComponent() in {1, 200}]
+    assert "found target 1: " in service.said
+    judged = [line for line in service.said.splitlines() if "ready: " in line]
+    assert [line for line in judged if re.search(readiness, line)] == judged, judged
+    said = [line for line in service.said.splitlines() if re.match("WARNING|ERROR", line)]
+    assert [line for line in said if "ready: " not in line and "frames come faster" not in line] == []
 
 
 @pytest.mark.slow

@@ -110,16 +110,6 @@ def test_two_stations_on_one_link_get_the_higher_rate():
     assert other.rates(9.0, 16.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
 
 
-@pytest.mark.slow
-def test_a_station_that_left_is_forgotten_after_a_minute():
-    """Messages that only this station and we requested are no longer sent to its link."""
-    station = Station("ground", silent_from_s=10.0).ask_group(6.0, ALL, 4)
-    flown("arducopter", station, seconds=80.0)
-    assert station.rates(50.0, 68.0)["GLOBAL_POSITION_INT"] == pytest.approx(4.0, abs=0.2)
-    assert station.rates(76.0, 80.0)["VFR_HUD"] == pytest.approx(4.0, abs=0.3), "the autopilot still sends it"
-    assert "DISTANCE_SENSOR" not in station.rates(76.0, 80.0)
-
-
 def test_a_station_that_stops_a_message_gets_no_more_of_it_and_we_still_do():
     station = Station("ground").ask_group(6.0, ALL, 4).ask(10.0, "GLOBAL_POSITION_INT", 0.0)
     network = flown("arducopter", station)

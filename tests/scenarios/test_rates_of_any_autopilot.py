@@ -92,7 +92,10 @@ def test_an_autopilot_that_knows_group_requests_alone_streams_by_them():
 
 @pytest.mark.slow
 def test_a_station_that_asks_and_leaves_does_not_take_what_the_silent_one_has():
-    """The silent one gets what the autopilot streams; what only we request does not go there, attitude at 4 Hz."""
+    """The silent one gets what the autopilot streams; what only we request does not go there, attitude at 4 Hz.
+
+    Messages that only the first station and we requested are sent to it for a minute after it left, and then no longer.
+    """
     asks = Station("ground", silent_from_s=10.0).ask_group(6.0, ALL, 10)
     silent = Station("tablet", 254)
     flown("", asks, silent, seconds=84.0, name="arducopter")
@@ -100,6 +103,9 @@ def test_a_station_that_asks_and_leaves_does_not_take_what_the_silent_one_has():
     assert rates["ATTITUDE"] == pytest.approx(4.0, abs=0.3)
     assert rates["VFR_HUD"] == pytest.approx(10.0, abs=0.5), "the autopilot still streams it"
     assert not {"DISTANCE_SENSOR", "ATTITUDE_QUATERNION"} & rates.keys()
+    assert asks.rates(50.0, 68.0)["GLOBAL_POSITION_INT"] == pytest.approx(10.0, abs=0.2)
+    assert asks.rates(76.0, 80.0)["VFR_HUD"] == pytest.approx(10.0, abs=0.3), "the autopilot still sends it"
+    assert "DISTANCE_SENSOR" not in asks.rates(76.0, 80.0)
 
 
 def test_after_a_reboot_the_stations_rates_are_requested_again_by_group_and_by_message():
