@@ -15,13 +15,16 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level, by_level, worst
 
 SLOW: Final = frozenset(
-    {"attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "above_horizon", "fixes_disagree"}
+    {
+        *("attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "direction_uncertain"),
+        *("above_horizon", "fixes_disagree"),
+    }
 )
 """Findings about attitudes that come too seldom or too late, and about the fixes that they spoil."""
 OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
 """Findings that, as an ERROR, are caused by the mount, however slow attitudes are."""
 CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
-BY_CLOCK: Final = frozenset({"from_the_future", "too_late"})
+BY_CLOCK: Final = frozenset({"from_the_future", "too_late", "direction_uncertain"})
 """Findings about frames whose stamps use an uncertain clock."""
 UNHEARD: Final = frozenset(
     {"no_autopilot", "autopilot_lost", "no_attitude", "no_position", "landmark_without_sights", *CLOCK, *SLOW}

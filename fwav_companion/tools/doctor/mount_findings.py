@@ -18,6 +18,9 @@ RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
 LONGEST_LEVER_M: Final = 5.0
 """Longest plausible distance of the camera from the vehicle's reference point, metres; 5 mm typed as metres is as
 long."""
+STEEP_DEG: Final = 20.0
+"""Angle below the horizon of the flattest ray of a picture from which no ray is too flat by itself: a fix is refused as
+too shallow there only where its direction is wrong by degrees."""
 
 
 def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -77,6 +80,17 @@ def _in_radians(angles: tuple[float, float, float]) -> bool:
 def _above_horizon(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     mount, elevation_deg = evidence.config.camera.mount, status.seen.axis_elevation_deg
     lost, judged = status.refused(*SKYWARD), judged_detections(status)
+    uncertain = status.refused(Reason.TOO_SHALLOW)
+    if _looks_steeply_down(evidence, elevation_deg):
+        lost -= uncertain
+        if uncertain >= FEW and uncertain > SHARE * judged:
+            yield Finding(
+                "direction_uncertain",
+                Level.WARNING,
+                "detections",
+                problem=f"{uncertain} of {judged} detections look in a direction that is known to some degrees only",
+                fix="see the findings about the clock, rates and loss; a loaded computer hears its messages late",
+            )
     angles = ", ".join(f"{angle:g}" for angle in mount.angles)
     looks = _horizon(_level_elevation_deg(evidence) if elevation_deg is None else elevation_deg)
     if lost >= FEW and lost > SHARE * judged:
@@ -108,6 +122,13 @@ def _level_elevation_deg(evidence: Evidence) -> float:
 def _sees_no_ground(evidence: Evidence, elevation_deg: float) -> bool:
     calibration = evidence.files.calibration
     return calibration is not None and elevation_deg > degrees(calibration.lens.max_angle)
+
+
+def _looks_steeply_down(evidence: Evidence, elevation_deg: float | None) -> bool:
+    calibration = evidence.files.calibration
+    if calibration is None or elevation_deg is None:
+        return False
+    return elevation_deg + degrees(calibration.lens.max_angle) < -STEEP_DEG
 
 
 def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:

@@ -89,6 +89,17 @@ def test_a_mount_that_looks_at_the_sky_is_an_error_that_names_what_was_heard(pit
     assert " detections look " in finding.problem
 
 
+@pytest.mark.parametrize(("elevation_deg", "code"), [(-58.0, "direction_uncertain"), (-45.0, "above_horizon")])
+def test_refused_as_too_flat_blames_the_mount_only_where_the_picture_nears_the_horizon(elevation_deg, code):
+    """The picture reaches 34 deg from the axis; a loaded board knew the clock to 0.2 s, and the mount was blamed."""
+    evidence = evidence_of(flown(HEALTHY, [], seconds=6.0))
+    sight = msgspec.structs.replace(evidence.status.seen, axis_elevation_deg=elevation_deg)
+    dropped = {**evidence.status.dropped, "too_shallow": 327}
+    status = msgspec.structs.replace(evidence.status, sight=sight, dropped=dropped)
+    findings = found(msgspec.structs.replace(evidence, status=status))
+    assert {"direction_uncertain", "above_horizon"} & set(findings) == {code}
+
+
 @pytest.mark.parametrize(("pitch_deg", "level"), [(90.0, Level.ERROR), (0.0, Level.WARNING)])
 def test_a_mount_that_looks_at_the_sky_is_named_without_a_detection(pitch_deg, level):
     """At pitch 37 deg a camera that looks ahead sees sky alone; level, it would see ground."""
