@@ -16,12 +16,13 @@ Input, in order of time:
 
 Each frame:
 
-    prediction = estimator.predict(frame)                 # None before the first solve
-    prediction.target, .residual, .covariance, .distance2 # every detection against every target in view
+    estimator.begin(t)                                    # the live filter by the priors, until the first solve
+    prediction = estimator.predict(frame, targets, alike) # None without a possible pair
+    prediction.target, .residual, .covariance, .distance2 # detections against the targets that they may be of
     prediction.joint_distance2(pairs)                     # one surprise of a whole hypothesis
-    estimator.update(frame.with_targets(numbers))         # one for each detection; -1: no target
-    found = best_clustering(model, carrier, s, delays, turns)     # initiation before the first solve
-    found = cluster(model, carrier, s, shared, covariance, error) # and from detections without a target later
+    estimator.live.begin(number, sighting, moving=False)  # a target that no other explains, at the present calibration
+    estimator.update(frame.with_targets(numbers), teaches) # new and moving targets do not teach
+    found = cluster(model, carrier, s, shared, covariance, error, turn)  # which mount lets the sights meet
 
 A solve is a pure function of what was kept at its instant:
 

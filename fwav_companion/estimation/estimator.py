@@ -22,6 +22,7 @@ from fwav_companion.estimation.errors import (
     GIMBAL_SHARED,
     HEIGHT,
     Array,
+    Bools,
     Ints,
     SampleNoise,
     SharedPriors,
@@ -29,14 +30,14 @@ from fwav_companion.estimation.errors import (
 from fwav_companion.estimation.final_places import final_places
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
-from fwav_companion.estimation.kept_sightings import KEPT, Sightings, in_order, joined, thinned
+from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, thinned
 from fwav_companion.estimation.live_filter import LiveFilter
-from fwav_companion.estimation.moving import MovingTarget
+from fwav_companion.estimation.near_pairs import near_pairs
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
-from fwav_companion.estimation.target_answers import moving_answer, static_answers
+from fwav_companion.estimation.target_answers import reported_motion, target_answers
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
@@ -46,6 +47,7 @@ from fwav_companion.types.tracks import FinalPlace
 _SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
 _LEAST_GAP_S = 0.999
 _KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
+_FIRST_FRAMES, _FIRST_SPAN_S = 12, 1.0  # before the first solve, the shorter of the two
 _EARLY_SEARCHES, _SECOND_SEARCH_S = 2, 3.0
 _SEARCH_GAP_S, REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
 _RIVAL_COST = 9.0  # of a delay's mode above the best one: three sigmas
@@ -75,21 +77,19 @@ class Estimator:
         gimbal = Attitudes(noise.attitude_rad, 0.0) if len(priors) == GIMBAL_SHARED else None
         self.carrier = Carrier(body, self._path.samples, gimbal=gimbal)
         self._budget, self._whole_flight = kept, whole_flight
-        self._renamed: dict[int, int] = {}
         self.kept: Sightings | None = None
         self._new: list[Sightings] = []
         self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
         self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
         self.live: LiveFilter | None = None
-        self.moving: dict[int, MovingTarget] = {}
         self.solves = self.searches = 0
+        self._dropped: set[int] = set()
+        self._solved: set[int] = set()  # numbers of all targets in any solve, also in one under way
         self._first_solve: float | None = None
         self._next_solve = self._next_kernels = self._next_search = self._next_prune = -np.inf
         self._has_new_target = False
         self._solved_height_m = 0.0
         self._answers: tuple[LiveFilter, int, float, dict[int, TargetAnswer]] | None = None
-
-    # Telemetry and frames, in order of time.
 
     def add_attitude(self, t: float, quaternion: Array) -> bool:
         """Add the body's attitude (4,), ned_from_body, as stamped; False for a sample that is left out."""
@@ -110,44 +110,65 @@ class Estimator:
         """Add north, east, height (m) and their rates; reset: the report begins a new piece. False: left out."""
         return self._path.append(t, position, velocity, reset=reset)
 
-    def predict(self, s: Sightings) -> FramePrediction | None:
-        """Every detection of a frame against every target; None before the first solve."""
+    def begin(self, t: float) -> bool:
+        """Begin the live filter by the priors, where there is none yet; False while poses are not known."""
+        if self.live is None and self.carrier.ready:
+            self.live = LiveFilter.before_solves(self.model, self.carrier, t)
+        return self.live is not None
+
+    def predict(self, s: Sightings, targets: Ints, alike: Bools) -> FramePrediction | None:
+        """A frame's detections against these targets; None where no pair is possible.
+
+        alike: (D, T) pairs that may be one thing by their labels.
+        """
         live = self.live
         if live is None or not len(s) or not self.carrier.ready:
             return None
         live.predict(float(s.t[0]))
-        detection, target = live.near_pairs(s)
+        detection, target = near_pairs(live, s, targets, alike)
+        if not len(detection):
+            return None
         prediction, _, _ = live.innovations(s, detection, target)
         return prediction
 
-    def update(self, s: Sightings) -> None:
-        """Take a frame whose detections have targets; -1: none."""
-        s = s.select(s.target >= 0)
+    def update(self, s: Sightings, teaches: Bools | None = None) -> None:
+        """Take a frame whose detections have targets; -1: none.
+
+        teaches: (D,) which of them solves use, None: all. New targets may be clutter, and moving ones do not teach.
+        """
+        s = s.select(s.target >= 0) if teaches is None else s
         if not len(s):
             return
+        taught = s if teaches is None else s.select(teaches)
+        if len(taught):
+            self.record(taught)
+            self._replayed.append(taught)
+        self.track(s)
+
+    def record(self, s: Sightings) -> None:
+        """Take sightings that the live filter has had already for the next solve."""
         self._new.append(s)
-        self._replayed.append(s)
+        self._has_new_target |= not self._solved.issuperset(s.target.tolist())
         if self._whole_flight is not None:
             self._whole_flight.add(s)
-        self._update_live(s)
 
-    def _update_live(self, s: Sightings) -> None:
+    def refuse(self, s: Sightings) -> None:
+        """Take sightings beyond the gates of their likeliest targets: the live filter does not use them, solves may.
+
+        An error beyond its prior displaces sightings by more than the gate; without them no solve would find it.
+        """
+        self.record(s)
+        if self.live is not None:
+            self.live.refused += len(s)
+
+    def track(self, s: Sightings) -> None:
+        """Update the live filter's targets by a frame; sightings of new and moving targets are not in solves."""
         live = self.live
         if live is None or not self.carrier.ready:
             return
-        known = np.array([k in live.at or k in live.other for k in s.target.tolist()], np.bool_)
-        self._has_new_target |= not bool(known.all())
+        known = np.array([k in live for k in s.target.tolist()], np.bool_)
         if known.any():
             live.update(s.select(known))
-
-    def update_moving(self, s: Sightings) -> bool:
-        """Take one sighting (N = 1) of a moving target; it teaches nothing. False: refused, or no solve yet."""
-        if self.live is None:
-            return False
-        target = int(s.target[0])
-        if target not in self.moving:
-            self.moving[target] = MovingTarget(self.live, s)
-        return self.moving[target].update(self.live, s)
 
     def copy(self) -> Estimator:
         """A snapshot of all but the telemetry, which frames do not change: a late frame returns to it."""
@@ -155,16 +176,35 @@ class Estimator:
         other._new, other._replayed = list(self._new), self._replayed.copy()
         other.live = None if self.live is None else self.live.copy()
         other._whole_flight = None if self._whole_flight is None else self._whole_flight.copy()
-        other._renamed = dict(self._renamed)
-        other.moving = {k: copy.copy(moving) for k, moving in self.moving.items()}
+        other._solved, other._dropped = set(self._solved), set(self._dropped)
         return other
 
     def rename(self, old: int, new: int) -> None:
         """Count the sightings of a target as those of another: they were found to be one."""
-        self._renamed[old] = new
         if self.kept is not None:
             self.kept = self.kept.with_targets(np.where(self.kept.target == old, new, self.kept.target))
         self._new = [s.with_targets(np.where(s.target == old, new, s.target)) for s in self._new]
+        if self._whole_flight is not None:
+            self._whole_flight.rename(old, new)
+        if self.live is not None and new in self.live:
+            self.live.forget(old)
+        elif self.live is not None:
+            self.live.rename(old, new)
+
+    def forget(self, target: int) -> None:
+        """Leave a target's sightings out of all later solves."""
+        if self.kept is not None:
+            self.kept = self.kept.select(self.kept.target != target)
+        self._new = [left for s in self._new if len(left := s.select(s.target != target))]
+        if self._whole_flight is not None:
+            self._whole_flight.forget(target)
+        self.drop(target)
+
+    def drop(self, target: int) -> None:
+        """Predict and answer for a target no more; what it taught stays."""
+        self._dropped.add(target)
+        if self.live is not None:
+            self.live.forget(target)
 
     # Solves.
 
@@ -172,7 +212,9 @@ class Estimator:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
         if not self._new or not self.carrier.ready:
             return False
-        if self.live is None or now >= self._next_solve - 1e-9:
+        if not self.solves:
+            return self._is_first_solve_due()
+        if now >= self._next_solve - 1e-9:
             return True
         if now < self.estimate.t + _LEAST_GAP_S:
             return False
@@ -180,9 +222,16 @@ class Estimator:
         if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M) or self._has_new_target:
             return True
         live = self.live
+        if live is None:
+            return True
         seen = live.used + live.refused
         surprised = live.surprise > _SURPRISE * max(live.used, 1)
         return seen > 10 and (surprised or live.refused > 0.5 * seen)
+
+    def _is_first_solve_due(self) -> bool:
+        """Whether the first search has sightings enough to tell delays apart; the priors' filter answers meanwhile."""
+        span = float(self._new[-1].t[-1] - self._new[0].t[0])
+        return len(self._new) >= _FIRST_FRAMES or abs(span) >= _FIRST_SPAN_S
 
     def start_solve(self, now: float) -> SolveTask:
         """A snapshot for a solve at the instant `now`; adopt its estimate later."""
@@ -206,9 +255,11 @@ class Estimator:
             self._next_search, self.searches = now + _SEARCH_GAP_S, self.searches + 1
         self._next_solve = now + [gap for start, gap in _SOLVE_GAPS if since >= start][-1]
         self._has_new_target = False
+        self._solved.update(np.unique(s.target).tolist())
         self._replayed.clear()
         model = replace(self.model, targets=dict(self.targets))  # later landmarks are not this solve's
-        return SolveTask(now, model, self.carrier.copy(), _best_seen(s), self.estimate, search, compare)
+        solved = best_seen(s, SOLVED_TARGETS)
+        return SolveTask(now, model, self.carrier.copy(), solved, self.estimate, search, compare)
 
     def _is_doubtful(self) -> bool:
         """Whether the last solve refuses many sightings, contradicts the configuration, or has a rival."""
@@ -225,11 +276,16 @@ class Estimator:
         self.solves += 1
         if estimate.wanders is None:
             return
+        before = self.live
         self.live = LiveFilter(
             self.model, self.carrier, estimate.wanders, estimate.t, estimate.mean, estimate.covariance, estimate.ids
         )
         for s in self._replayed:
-            self._update_live(s)
+            self.track(s)
+        if before is not None:
+            self.live.predict(before.t)
+            self.live.take_over(before, self._dropped)
+        self._dropped.intersection_update(self.live.at)
         self._solved_height_m = self._height(estimate.t)
 
     def solve(self, now: float) -> None:
@@ -239,10 +295,10 @@ class Estimator:
     def final_places(self) -> dict[int, FinalPlace]:
         """Static targets by a solve over the sightings of the whole flight; none before the first solve."""
         path = self.carrier.path
-        if self.live is None or self._whole_flight is None:
+        if not self.solves or self._whole_flight is None:
             return {}
         since = max(float(path.buffer.times[0]), self.carrier.oldest) + _ATTITUDE_MARGIN_S
-        s = self._whole_flight.sightings(self._renamed, since)
+        s = self._whole_flight.sightings(since)
         if s is None:
             return {}
         self._path.settle()
@@ -265,24 +321,25 @@ class Estimator:
         used = [] if self._whole_flight is None else [self._whole_flight.times()]
         self.carrier.keep_near(np.sort(np.concatenate([s.t, recent, *used])), _ATTITUDE_MARGIN_S)
 
-    # Answers.
-
     def answer(self, target: int, t: float) -> TargetAnswer | None:
-        """A target at the instant t; None before it was solved."""
+        """A target at the instant t; None where the live filter does not hold it."""
         live = self.live
         if live is None:
             return None
-        if target in self.moving:
-            return moving_answer(live, self.moving[target], t)
         answers = self._answers
         if answers is None or answers[:3] != (live, live.version, t):
-            answers = self._answers = live, live.version, t, static_answers(live, t)
+            answers = self._answers = live, live.version, t, target_answers(live, t)
         return answers[3].get(target)
+
+    def reported_ned(self, t: float) -> tuple[float, float, float]:
+        """The camera's reported position at t: north, east and down about the origin, m."""
+        (north, east, height), _ = reported_motion(self.carrier.path, t)
+        return float(north), float(east), -float(height)
 
     def self_calibration(self) -> tuple[ParameterStatus, ...]:
         """Status of every shared parameter, by the live posterior."""
         priors, live = self.model.priors, self.live
-        if live is None:
+        if live is None or not self.solves:
             return parameter_statuses(priors, priors.mean, priors.sigma, consider=self.model.consider)
         size = len(priors)
         sigma = np.sqrt(live.covariance.diagonal()[:size])
@@ -295,20 +352,13 @@ class Estimator:
         their sum is what places targets.
         """
         priors, live = self.model.priors, self.live
-        mean, covariance = (priors.mean, np.diag(priors.sigma**2)) if live is None else (live.mean, live.covariance)
+        mean, covariance = priors.mean, np.diag(priors.sigma**2)
+        if live is not None and self.solves:
+            mean, covariance = live.mean, live.covariance
         return camera_tilt(priors, mean, covariance)
 
     def stored(self) -> tuple[Array, Array]:
         """Means and sigmas (12,) for the next flight's priors, NaN before the first solve."""
-        if self.live is None:
+        if self.live is None or not self.solves:
             return np.full(BODY_SHARED, np.nan), np.full(BODY_SHARED, np.nan)
         return self.live.mean[:BODY_SHARED].copy(), np.sqrt(self.live.covariance.diagonal()[:BODY_SHARED])
-
-
-def _best_seen(s: Sightings) -> Sightings:
-    """The sightings of the targets that are seen most often, as many as a solve has columns for."""
-    ids, count = np.unique(s.target, return_counts=True)
-    if len(ids) <= SOLVED_TARGETS:
-        return s
-    best: Ints = ids[np.argsort(-count, kind="stable")[:SOLVED_TARGETS]]
-    return s.select(np.isin(s.target, best))

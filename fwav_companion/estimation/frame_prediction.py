@@ -47,9 +47,9 @@ class FramePrediction:
             np.where(known, self.log_det, log_det), self.visible,
         )  # fmt: skip
 
-    def unambiguous(self) -> Ints:
-        """Pairs in the gate whose detection and target have no other pair in the gate."""
-        gated = np.flatnonzero(self.visible & (self.distance2 < GATE2))
+    def unambiguous(self, among: Bools) -> Ints:
+        """Pairs in the gate whose detection and target have no other pair in the gate, among those of a mask (M,)."""
+        gated = np.flatnonzero(self.visible & (self.distance2 < GATE2) & among)
         detection, target = self.detection[gated], self.target[gated]
         one = (detection[:, None] == detection).sum(0) == 1
         other = (target[:, None] == target).sum(0) == 1

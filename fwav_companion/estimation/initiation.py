@@ -45,6 +45,8 @@ class Clustering:
     shared: Array  # (S,)
     turn: Array  # (3,) rad, rotation vector by which the configured mount is wrong; zero: it is right
     score: float  # explained detections minus the costs
+    places: Array  # (2, N) m ground points of all detections
+    meets: Bools  # (N,) which rays meet the ground
 
 
 def quarter_turns(camera_axis: Array) -> list[Array]:
@@ -65,9 +67,12 @@ def quarter_turns(camera_axis: Array) -> list[Array]:
 
 def cluster(
     model: Model, carrier: Carrier, s: Sightings, shared: Array, covariance: Array, error: Array,
-    turn: Array | None = None,
+    turn: Array | None = None, *, wander_m: float = 0.0,
 ) -> Clustering:  # fmt: skip
-    """Clusters of sightings (N) at the shared parameters (S,) with their covariance (S, S), and the error (3,)."""
+    """Clusters of sightings (N) at the shared parameters (S,) with their covariance (S, S), and the error (3,).
+
+    wander_m: one sigma of the error's change between two sightings, of sightings that are long apart.
+    """
     turn = np.zeros(3) if turn is None else turn
     back = rotation_and_jacobian(-turn)[0]
     rays = back @ s.rays
@@ -77,10 +82,11 @@ def cluster(
     ground = float(model.ground.height(poses.position[:2, :1])[0][0])
     place, meets = feet(poses, rays, shared, error[:, None], ground)
     spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s.row)
+    spread[[0, 1], [0, 1]] += 0.5 * wander_m**2
     clusters = _greedy(place, spread, meets, s.frame)
     explained = sum(len(c.members) for c in clusters)
     score = explained - _CLUSTER_COST * len(clusters) - (_TURN_COST if turn.any() else 0.0)
-    return Clustering(tuple(clusters), shared, turn, score)
+    return Clustering(tuple(clusters), shared, turn, score, place, meets)
 
 
 def _foot_covariances(

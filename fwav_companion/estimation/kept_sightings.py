@@ -90,6 +90,15 @@ def in_order(s: Sightings) -> Sightings:
     return s if bool((s.frame[1:] >= s.frame[:-1]).all()) else s.select(np.argsort(s.frame, kind="stable"))
 
 
+def best_seen(s: Sightings, most: int) -> Sightings:
+    """The sightings of the targets that are seen most often, at most this many."""
+    ids, count = np.unique(s.target, return_counts=True)
+    if len(ids) <= most:
+        return s
+    best: Ints = ids[np.argsort(-count, kind="stable")[:most]]
+    return s.select(np.isin(s.target, best))
+
+
 def thinned(s: Sightings, now: float, budget: int = KEPT) -> Sightings:
     """At most about `budget` sightings: the targets that are seen most in many frames, the others in fewer.
 

@@ -5,12 +5,14 @@ considered (Schmidt 1966): solves alone estimate them. A frame's derivative by t
 noise, an error in the variables (Fuller 1987) that a recursive update turns into information: in a hover at 1 m the
 height moved by 0.9 m in four seconds, claimed to 0.1 m, and every solve moved it back. Targets beyond the first ten are
 Schmidt states, too: each has a mean, a covariance and a covariance with the rest, is updated by its own sightings,
-moves when the rest moves, and does not teach. The cost is linear in their number.
+moves when the rest moves, and does not teach. The cost is linear in their number. A new target, also one that moves
+(``moving``), begins as such a state by its first sighting (``SchmidtTargets``).
 """
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Set
 from dataclasses import replace
 
 import numpy as np
@@ -19,17 +21,19 @@ from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, READO
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, pair_distances
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.measurement import Poses, project
+from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
-from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift
+from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift, error_processes
+from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import Wander, step_variance
+from fwav_companion.estimation.wander import SMOOTH, Wander, step_variance
 
 TEACHING = 10  # targets whose sightings update the error and each other
 _ONE_INSTANT_S = 1e-6
-_FEW_PAIRS, _NEAREST = 24, 3
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
 _SHORT_S = 0.5  # gap up to which the error is a random walk
+_SEARCHED_S, _SEARCHED_SIGMAS, _REACH_SIGMAS = 0.08, 8.0, 2.5  # of the delay's first search
+_LEAST_DETERMINANT = 1e-9  # of the derivative by a place: a smaller one has no inverse
 
 
 class LiveFilter:
@@ -49,15 +53,11 @@ class LiveFilter:
         self.error = len(base) - 3
         self._errors = np.arange(self.error, self.error + 3)
         others = ids[TEACHING:]
-        self.other = {k: i for i, k in enumerate(others.tolist())}
         rows = self.size + TARGET_SIZE * len(taught) + np.arange(TARGET_SIZE * len(others)).reshape(-1, TARGET_SIZE)
-        self.other_mean = mean[rows]  # (O, 3)
-        self.other_covariance = covariance[rows[:, :, None], rows[:, None, :]]  # (O, 3, 3)
-        self.other_cross = covariance[rows[:, :, None], base]  # (O, 3, n)
-        if carrier.path.accuracies:  # the receiver's solution now, in all
-            sigma_m = float(carrier.path.accuracy_at(np.array([t]))[1][0])
-            wanders = replace(wanders[0], sigma_m=sigma_m), wanders[1]
-        self._wander_as(wanders)
+        self.others = SchmidtTargets.of_solve(
+            others, mean[rows], covariance[rows[:, :, None], rows[:, None, :]], covariance[rows[:, :, None], base]
+        )
+        self._wander_as(_by_solution(wanders, carrier, t))
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self._pose: tuple[float, Poses] | None = None
@@ -68,21 +68,35 @@ class LiveFilter:
         level, up = (w.growth() for w in wanders)
         self.growth = np.array([level, level, up])  # m^2/s
 
+    @classmethod
+    def before_solves(cls, model: Model, carrier: Carrier, t: float) -> LiveFilter:
+        """The filter by the priors alone, without targets.
+
+        The delay may be as far off as the first search will look: else its sightings of one target would not meet.
+        """
+        wanders = _by_solution(error_processes(model, carrier, SMOOTH), carrier, t)
+        level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
+        mean = np.concatenate([model.priors.mean, np.zeros(3)])
+        sigma = model.priors.sigma.copy()
+        if not model.consider:
+            reach = min(_SEARCHED_S, _SEARCHED_SIGMAS * float(sigma[CAMERA_DELAY]))
+            sigma[CAMERA_DELAY] = max(float(sigma[CAMERA_DELAY]), reach / _REACH_SIGMAS)
+        variance = np.concatenate([sigma**2, [level, level, up]])
+        return cls(model, carrier, wanders, t, mean, np.diag(variance), np.zeros(0, np.int64))
+
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
         other = copy.copy(self)
-        other.mean, other.covariance, other.other_mean = (
-            self.mean.copy(),
-            self.covariance.copy(),
-            self.other_mean.copy(),
-        )
-        other.other_covariance, other.other_cross = self.other_covariance.copy(), self.other_cross.copy()
+        other.mean, other.covariance, other.others = self.mean.copy(), self.covariance.copy(), self.others.copy()
         return other
+
+    def __contains__(self, target: int) -> bool:
+        return target in self.at or target in self.others.at
 
     @property
     def targets(self) -> Ints:
         """Numbers of all targets, teaching ones first."""
-        return np.array([*self.at, *self.other], np.int64)
+        return np.array([*self.at, *self.others.at], np.int64)
 
     def pose(self, t: float) -> Poses:
         """The pose of a frame stamped t; all users of the frame share it."""
@@ -104,7 +118,7 @@ class LiveFilter:
     def target_means(self, targets: Ints) -> Array:
         """Means (3, M): north, east, height above the surface."""
         rows = [
-            self.mean[self.at[k] : self.at[k] + TARGET_SIZE] if k in self.at else self.other_mean[self.other[k]]
+            self.mean[self.at[k] : self.at[k] + TARGET_SIZE] if k in self.at else self.others.place(k)
             for k in targets.tolist()
         ]
         return np.array(rows).reshape(-1, TARGET_SIZE).T
@@ -119,13 +133,14 @@ class LiveFilter:
             self.mean[e] *= keep
             self.covariance[e] *= keep[:, None]
             self.covariance[:, e] *= keep
-            self.other_cross[:, :, e] *= keep
+            self.others.cross[:, :, e] *= keep
         self.covariance[e, e] += added
         self._change_solution(t)
         self.version += 1
         for b in self.carrier.path.breaks:
             if self.t < b.after <= t:
                 self.covariance[e, e] += step_variance(b)
+        self.others.predict(t - self.t)
         self.t = t
 
     def _change_solution(self, t: float) -> None:
@@ -142,7 +157,7 @@ class LiveFilter:
         self.mean[e] *= keep
         self.covariance[e] *= keep
         self.covariance[:, e] *= keep
-        self.other_cross[:, :, e] *= keep
+        self.others.cross[:, :, e] *= keep
         self.covariance[e, e] += common * (1.0 - keep) + new**2 - common
         self._wander_as((replace(self.wanders[0], sigma_m=new), self.wanders[1]))
 
@@ -160,25 +175,97 @@ class LiveFilter:
         start = np.maximum(start, 1e-12)
         return later / start, np.maximum(start - later * later / start, self.growth * _SHORT_S)
 
-    def near_pairs(self, s: Sightings) -> tuple[Ints, Ints]:
-        """Pairs (M,) of detections and targets that may belong together: all, or of many the nearest of each detection.
+    def begin(self, target: int, s: Sightings, *, moving: bool) -> bool:
+        """Begin a target from one sighting (N = 1) at the present calibration; False where its ray has no foot.
 
-        The joint covariance grows with the square of their number.
+        The place is the ground point; its error is that of the detection and of all that the base state does not know.
         """
-        targets = self.targets
-        detection = np.repeat(np.arange(len(s)), len(targets))
-        if len(detection) <= _FEW_PAIRS:
-            return detection, np.tile(targets, len(s))
-        mean = self.target_means(targets)
-        mean[2] += self.model.ground.height(mean[:2])[0]
-        rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
-        point, error = np.tile(mean, len(s)), self.mean[self._errors, None]
-        found = project(
-            self.poses(s, detection), rays, tangents, self.mean[: self.size], point, error, s.row.take(detection)
-        )
-        far = np.where(found.visible, (found.residual**2).sum(0), np.inf).reshape(len(s), -1)
-        nearest = np.argsort(far, axis=1, kind="stable")[:, :_NEAREST]
-        return np.repeat(np.arange(len(s)), nearest.shape[1]), targets[nearest.ravel()]
+        poses, shared, error = self.poses(s, np.zeros(1, np.int64)), self.mean[: self.size], self.mean[self._errors]
+        prior, place = self.model.target(target), poses.position[:2]
+        for _ in range(2):
+            ground = float(self.model.ground.height(place)[0][0])
+            place, meets = feet(poses, s.rays, shared, error[:, None], ground + prior.height_m)
+        if not meets[0]:
+            return False
+        ground_height, slope = self.model.ground.height(place)
+        point = np.append(place[:, 0], ground_height + prior.height_m)[:, None]
+        found = project(poses, s.rays, s.tangents, shared, point, error[:, None], s.row)
+        own = found.point[..., 0].copy()
+        own[:, :2] += found.point[:, 2:, 0] * slope[:, 0]
+        if not found.visible[0] or abs(np.linalg.det(own[:, :2])) < _LEAST_DETERMINANT:
+            return False
+        h = np.zeros((2, len(self.mean)))
+        h[:, : self.size], h[:, self.error :] = found.shared[..., 0], found.point[..., 0]
+        g = common_noise(found, self.model.noise, s.own_noise)[..., 0]
+        noise = g @ g.T + np.eye(2)
+        if s.own_noise is not None:
+            moved = found.point[..., 0] * s.own_noise[[1, 1, 2], 0]
+            noise += moved @ moved.T
+        mean = np.array([point[0, 0], point[1, 0], prior.height_m])
+        variance = prior.precision()[2] ** -1.0
+        self.others.begin(target, mean, own, h, self.covariance, noise, variance, moving=moving)
+        self.version += 1
+        return True
+
+    def take_over(self, before: LiveFilter, dropped: Set[int] = frozenset()) -> None:
+        """Take over the targets that an earlier filter holds and this one does not, moved by what is now known better.
+
+        Both are at the same instant. dropped: targets that are not wanted any more.
+        """
+        self.version += 1
+        shared = np.arange(self.size)
+        here, there = np.append(shared, self._errors), np.append(shared, before._errors)
+        for target in before.targets.tolist():
+            if target in self or target in dropped:
+                continue
+            mean, covariance, cross, moving = before.state(target)
+            self.others.take_over(
+                target, mean, covariance, cross[:, there], moving=moving,
+                before=(before.mean[there], before.covariance[np.ix_(there, there)]),
+                after=(self.mean[here], self.covariance[here]), index=here,
+            )  # fmt: skip
+
+    def state(self, target: int) -> tuple[Array, Array, Array, bool]:
+        """Mean (5,), covariance (5, 5), covariance with the base state (5, n), and whether it moves."""
+        if target in self.others.at:
+            return self.others.state(target)
+        i = slice(self.at[target], self.at[target] + TARGET_SIZE)
+        return self.others.padded(self.mean[i], self.covariance[i, i], self.covariance[i])
+
+    def forget(self, target: int) -> None:
+        """Delete a target that does not teach, or leave a teaching one to the next solve."""
+        self.others.delete(target)
+        self.version += 1
+
+    def rename(self, old: int, new: int) -> None:
+        """Give a target another number; one that has the new number is deleted."""
+        self.version += 1
+        if old in self.others.at:
+            self.others.rename(old, new)
+        elif old in self.at:
+            self.at = {(new if k == old else k): i for k, i in self.at.items() if k != new}
+
+    def separation2(self, one: int, other: int) -> tuple[float, float]:
+        """Squared Mahalanobis distance of two targets, and the trace of their difference's covariance, m^2.
+
+        The errors that both share cancel: two targets may be far nearer to each other than each to its place.
+        """
+        (a, aa, _, _), (b, bb, _, _) = self.state(one), self.state(other)
+        cross = self.between(one, other)[:2, :2]
+        covariance = aa[:2, :2] + bb[:2, :2] - cross - cross.T
+        difference = a[:2] - b[:2]
+        return float(difference @ np.linalg.solve(covariance, difference)), float(np.trace(covariance))
+
+    def between(self, one: int, other: int) -> Array:
+        """Covariance (3, 3) of two targets; what two Schmidt targets have in common is what the base state explains."""
+        if one in self.at:
+            i = self.at[one]
+            return np.asarray(self.cross(other)[:, i : i + TARGET_SIZE].T)
+        if other in self.at:
+            i = self.at[other]
+            return np.asarray(self.cross(one)[:, i : i + TARGET_SIZE])
+        gain = self.others.gains(np.array([self.others.at[one]]), self.covariance)[0]
+        return np.asarray(gain @ self.cross(other).T)
 
     def innovations(self, s: Sightings, detection: Ints, targets: Ints) -> tuple[FramePrediction, Array, Array]:
         """Pairs (M,) of detections and targets; their rows (2 M, n) of the base state, and (2, 3, M) of the targets."""
@@ -220,18 +307,26 @@ class LiveFilter:
 
     def _add_others(self, covariance: Array, h: Array, own: Array, targets: Ints) -> None:
         """Add what Schmidt targets contribute to the innovation covariance (2 M, 2 M), in place."""
-        m = len(targets)
-        for i, k in enumerate(targets.tolist()):
-            if k not in self.other:
-                continue
-            o = self.other[k]
-            rows = [i, i + m]
-            carried = own[..., i] @ self.other_cross[o] @ h.T  # (2, 2 M)
-            covariance[rows] += carried
-            covariance[:, rows] += carried.T
-            same = np.flatnonzero(targets == k)
-            for j in same.tolist():
-                covariance[np.ix_(rows, [j, j + m])] += own[..., i] @ self.other_covariance[o] @ own[..., j].T
+        index = np.array([i for i, k in enumerate(targets.tolist()) if k in self.others.at], np.int64)
+        if not len(index):
+            return
+        o = np.array([self.others.at[int(k)] for k in targets[index]], np.int64)
+        rows = np.stack([index, index + len(targets)], 1)  # (P, 2)
+        seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
+        cross = self.others.cross[o, :TARGET_SIZE]  # (P, 3, n)
+        by_base = seen @ cross  # (P, 2, n)
+        flat = rows.ravel()
+        carried = by_base.reshape(len(flat), -1) @ h.T  # (2 P, 2 M)
+        covariance[flat] += carried
+        covariance[:, flat] += carried.T
+        # Two of them have in common what the base state explains; of itself a target knows more.
+        gains = seen @ self.others.gains(o, self.covariance)  # (P, 2, n)
+        common = gains.reshape(len(flat), -1) @ by_base.reshape(len(flat), -1).T
+        same = o[:, None] == o
+        for i, j in np.argwhere(same).tolist():
+            whole = seen[i] @ self.others.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE] @ seen[j].T
+            common[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = whole
+        covariance[np.ix_(flat, flat)] += common
 
     def update(self, s: Sightings) -> None:
         """Take one frame whose detections have targets that the filter knows."""
@@ -282,45 +377,44 @@ class LiveFilter:
         carried = self.covariance @ h.T  # (n, m)
         gain = np.linalg.solve(s, carried.T).T
         gain[: self.size] = 0.0
-        cross = self.other_cross @ h.T  # (O, 3, m)
         self.mean = self.mean + gain @ r
         # Joseph's form (Bucy & Joseph 1968) in full: right also for the rows of a gain that were set to zero.
         left = gain @ carried.T
         c = self.covariance - left - left.T + gain @ s @ gain.T
         self.covariance = 0.5 * (c + c.T)
-        if len(self.other):
-            other_gain = np.linalg.solve(s, cross.reshape(-1, len(r)).T).T.reshape(cross.shape)
-            self.other_mean = self.other_mean + other_gain @ r
-            self.other_covariance = self.other_covariance - other_gain @ cross.swapaxes(1, 2)
-            self.other_cross = self.other_cross - other_gain @ carried.T - cross @ gain.T + other_gain @ s @ gain.T
+        self.others.follow(h, s, r, carried, gain)
 
     def _update_others(self, found: FramePrediction, h: Array, own: Array, use: Ints) -> None:
         m = len(found.target)
         for i in use.tolist():
-            o, rows = self.other[int(found.target[i])], [i, i + m]
-            s, place = found.covariance[np.ix_(rows, rows)], own[..., i]
-            carried = self.other_covariance[o] @ place.T + self.other_cross[o] @ h[rows].T  # (3, 2)
-            base = self.covariance @ h[rows].T + self.other_cross[o].T @ place.T  # (n, 2)
-            gain = np.linalg.solve(s, carried.T).T
-            self.other_mean[o] = self.other_mean[o] + gain @ found.residual[rows]
-            c = self.other_covariance[o] - gain @ carried.T
-            self.other_covariance[o] = 0.5 * (c + c.T)
-            self.other_cross[o] = self.other_cross[o] - gain @ base.T
+            rows = [i, i + m]
+            s = found.covariance[np.ix_(rows, rows)]
+            self.others.update(int(found.target[i]), own[..., i], h[rows], s, found.residual[rows], self.covariance)
 
     def places(self) -> tuple[Array, Array, Array]:
-        """Of all `targets`: means (T, 3) north, east, height above the surface, covariances (T, 3, 3), and covariances
-        (T, 3, n) with the base state.
+        """Of all `targets`: means (T, 5), covariances (T, 5, 5), and covariances (T, 5, n) with the base state.
+
+        A state is north, east, height above the surface, and the velocity north and east.
         """
-        block = np.arange(self.size, self.error).reshape(-1, TARGET_SIZE)
-        mean, cross = self.mean[block], self.covariance[block]
+        block = np.array([*self.at.values()], np.int64)[:, None] + np.arange(TARGET_SIZE)
         own = self.covariance[block[:, :, None], block[:, None, :]]
-        if not self.other:
-            return mean, own, cross
+        taught = SchmidtTargets.of_solve(self.targets[: len(block)], self.mean[block], own, self.covariance[block])
+        if not self.others.at:
+            return taught.mean, taught.covariance, taught.cross
         return (
-            np.concatenate([mean, self.other_mean]),
-            np.concatenate([own, self.other_covariance]),
-            np.concatenate([cross, self.other_cross]),
+            np.concatenate([taught.mean, self.others.mean]),
+            np.concatenate([taught.covariance, self.others.covariance]),
+            np.concatenate([taught.cross, self.others.cross]),
         )
+
+    def place(self, target: int) -> tuple[Array, Array]:
+        """Mean (3,) and covariance (3, 3) of a target: north, east, height above the surface."""
+        mean, covariance, _, _ = self.state(target)
+        return mean[:TARGET_SIZE], covariance[:TARGET_SIZE, :TARGET_SIZE]
+
+    def cross(self, target: int) -> Array:
+        """Covariance (3, n) of a target with the base state."""
+        return np.asarray(self.state(target)[2][:TARGET_SIZE])
 
     def vehicle_rows(self, t: float, velocity: Array) -> tuple[Array, Array]:
         """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
@@ -330,3 +424,11 @@ class LiveFilter:
         a[np.arange(3), self._errors] = keep
         a[:, POSITION_DELAY] = -velocity
         return a, added
+
+
+def _by_solution(wanders: tuple[Wander, Wander], carrier: Carrier, t: float) -> tuple[Wander, Wander]:
+    """Processes of the error in the receiver's solution at t."""
+    if not carrier.path.accuracies:
+        return wanders
+    sigma_m = float(carrier.path.accuracy_at(np.array([t]))[1][0])
+    return replace(wanders[0], sigma_m=sigma_m), wanders[1]

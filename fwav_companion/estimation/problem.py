@@ -122,11 +122,7 @@ class Problem:
 
     def wanders(self, kernel: WanderKernel) -> tuple[Wander, Wander]:
         """Processes of the error: north and east, and up."""
-        noise, path = self.model.noise, self.carrier.path
-        left, times = path.noise, noise.wander_times_s
-        best_m = min((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
-        level = Wander(best_m, times, kernel, left.level)
-        return level, Wander(noise.height_wander_m, times, kernel, left.up)
+        return error_processes(self.model, self.carrier, kernel)
 
     def error_noise(self, kernel: WanderKernel) -> ErrorNoise:
         """Noise of the sightings that straight lines between knots leave."""
@@ -254,3 +250,12 @@ class Problem:
 def attitude_shift(shared: Array) -> float:
     """Seconds by which the carrier's attitude is stored later than its instant: a gimbal's own delay."""
     return float(shared[GIMBAL_DELAY]) if len(shared) == GIMBAL_SHARED else 0.0
+
+
+def error_processes(model: Model, carrier: Carrier, kernel: WanderKernel) -> tuple[Wander, Wander]:
+    """Processes of the position's error under a kernel: north and east by the receiver's best solution, and up."""
+    noise, path = model.noise, carrier.path
+    left, times = path.noise, noise.wander_times_s
+    best_m = min((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
+    level = Wander(best_m, times, kernel, left.level)
+    return level, Wander(noise.height_wander_m, times, kernel, left.up)

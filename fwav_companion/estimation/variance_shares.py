@@ -37,11 +37,9 @@ def variance_shares(live: LiveFilter | None, target: int) -> dict[str, float]:
 
     The errors of position and height are those now, which the target's place shares.
     """
-    if live is None or (target not in live.at and target not in live.other):
+    if live is None or target not in live:
         return {}
-    _, owns, crosses = live.places()
-    index_of_target = list(live.targets).index(target)
-    own, cross, error = owns[index_of_target], crosses[index_of_target], live.error
+    (_, own), cross, error = live.place(target), live.cross(target), live.error
     causes = {cause: [i for i in index if i < live.size] for cause, index in CAUSES.items()}
     causes |= {"position": [error, error + 1], "height": [HEIGHT, error + 2]}
     shares = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -46,28 +46,30 @@ class WholeFlight:
         """Instants (F,) of the frames kept."""
         return np.array([frame.t[0] for frame in self._frames])
 
-    def sightings(self, renamed: Mapping[int, int], since: float) -> Sightings | None:
-        """Those after the instant `since`, in order, of the targets that are seen most; None without one.
+    def rename(self, old: int, new: int) -> None:
+        """Count the sightings of a target as those of another: they were found to be one."""
+        self._frames = [
+            s.with_targets(np.where(s.target == old, new, s.target)) if old in s.target else s for s in self._frames
+        ]
 
-        renamed: the targets that others were found to be.
-        """
+    def forget(self, target: int) -> None:
+        """Leave out a target's sightings."""
+        frames = [s.select(s.target != target) if target in s.target else s for s in self._frames]
+        self._frames = [s for s in frames if len(s)]
+        self._count = sum(len(s) for s in self._frames)
+
+    def sightings(self, since: float) -> Sightings | None:
+        """Those after the instant `since`, in order, of the targets that are seen most; None without one."""
         if not self._frames:
             return None
         s = in_order(joined(self._frames))
         s = s.select(s.t > since)
         if not len(s):
             return None
-        s = s.with_targets(np.array([_last_name(k, renamed) for k in s.target.tolist()], np.int64))
         ids, count = np.unique(s.target, return_counts=True)
         if len(ids) <= MOST_TARGETS:
             return s
         return s.select(np.isin(s.target, ids[np.argsort(-count, kind="stable")[:MOST_TARGETS]]))
-
-
-def _last_name(target: int, renamed: Mapping[int, int]) -> int:
-    while target in renamed:
-        target = renamed[target]
-    return target
 
 
 def even_knots(t: Array, end: float, inside: Sequence[float]) -> Array:

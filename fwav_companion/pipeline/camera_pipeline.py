@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import inf, prod
 from typing import TypeAlias
@@ -30,9 +30,9 @@ from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNoti
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
-from fwav_companion.tracking import Reorder, Settled, Tracker
+from fwav_companion.tracking import FrameTracker, Reorder, Settled
 from fwav_companion.tracking.crowd import Crowd
-from fwav_companion.tracking.filters.base import TargetEstimate
+from fwav_companion.tracking.frame_tracker import ReportedTarget
 from fwav_companion.types import (
     Frame,
     FrameView,
@@ -198,7 +198,7 @@ class CameraPipeline:
         return self.tracker.calibration
 
     @property
-    def tracker(self) -> Tracker:
+    def tracker(self) -> FrameTracker:
         """The tracker of the present rooms."""
         return self._reorder.tracker
 
@@ -208,7 +208,7 @@ class CameraPipeline:
         return self._reorder.tracker.crowd
 
     @property
-    def best_targets(self) -> dict[int, TargetEstimate]:
+    def best_targets(self) -> Mapping[int, ReportedTarget]:
         """The targets of all live tracks, by id."""
         return self._reorder.tracker.best_targets()
 

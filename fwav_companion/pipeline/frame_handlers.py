@@ -5,12 +5,14 @@ A relay has no camera: nothing waits, nothing is due, and frames have no effect.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.tracking.filters.base import TargetEstimate
+from fwav_companion.tracking.frame_tracker import ReportedTarget
 from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.types.tracks import FinalPlace
 
@@ -75,7 +77,7 @@ class FrameHandlers:
         return 0 if self._components.camera is None else self._components.camera.waiting_detections
 
     @property
-    def best_targets(self) -> dict[int, TargetEstimate]:
+    def best_targets(self) -> Mapping[int, ReportedTarget]:
         """The targets of all live tracks, by id."""
         return {} if self._components.camera is None else self._components.camera.best_targets
 

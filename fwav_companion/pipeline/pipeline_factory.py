@@ -52,7 +52,7 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import Reorder, Tracker, make_tracker, smoothed_tracker, tracker_with
+from fwav_companion.tracking import FrameTracker, Reorder, make_tracker, smoothed_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
@@ -222,7 +222,7 @@ def _camera_parts(
 def _tracker(
     config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *,
     ground: Ground, smoother: SmootherOptions | None,
-) -> Tracker:  # fmt: skip
+) -> FrameTracker:  # fmt: skip
     """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects.
 
     ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
@@ -233,7 +233,9 @@ def _tracker(
         return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
     options = tracking_options(config)
     landmarks = [landmark.known for landmark in config.landmark]
-    if smoother is not None and isinstance(vehicle, Telemetry) and options.filter == "kalman":
+    smooths = options.filter == "kalman" and config.vehicle.position != "none"
+    if smoother is not None and smooths and isinstance(vehicle, Telemetry):
+        motion_of = {target.label: target.motion for target in config.target if target.motion is not None}
         return smoothed_tracker(
             options,
             priors,
@@ -243,6 +245,7 @@ def _tracker(
             smoother=smoother,
             ground=ground.reference,
             landmarks=landmarks,
+            motion_of=motion_of,
         )
     return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks)
 

@@ -9,11 +9,13 @@ Pure: frames come in with their own capture times, tracks go out. Reading order:
 
 from fwav_companion.tracking.bias_shares import bias_shares
 from fwav_companion.tracking.filter_factory import make_tracker, smoothed_tracker, tracker_with
+from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker
 
 __all__ = [
+    "FrameTracker",
     "Reorder",
     "Settled",
     "Tracker",

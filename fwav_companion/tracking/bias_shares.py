@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, Protocol, runtime_checkable
 
-from fwav_companion.tracking.filters.base import TargetEstimate
 from fwav_companion.tracking.filters.standing import StandingTargetState
+from fwav_companion.tracking.frame_tracker import ReportedTarget
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.types import Bias, ErrorPriors
 
@@ -38,7 +38,7 @@ class SmoothedEstimate(Protocol):
         """Horizontal variance that it would lose if one cause of error were exactly known, by cause, m^2."""
 
 
-def bias_shares(target: TargetEstimate, priors: ErrorPriors) -> dict[str, float]:
+def bias_shares(target: ReportedTarget, priors: ErrorPriors) -> dict[str, float]:
     """Horizontal variance of a target by cause, m^2; empty for a filter without separate biases."""
     match target:
         case SmoothedEstimate():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from fwav_companion.geometry.stamps import NS_PER_S
@@ -12,6 +12,7 @@ from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.lowpass import LowPass
 from fwav_companion.tracking.filters.moving import MovingKalman
+from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.types import ErrorPriors, GroundReference, Landmark
@@ -75,20 +76,19 @@ def smoothed_tracker(
     smoother: SmootherOptions,
     ground: Callable[[], GroundReference],
     landmarks: Sequence[Landmark] = (),
-) -> Tracker:
+    motion_of: Mapping[str, str] | None = None,
+) -> FrameTracker:
     """The tracker by the smoother, for static and moving targets. It needs numpy.
 
-    Moving targets are not smoothed yet: a second tracker treats all as static and calibrates.
+    ``motion_of``: motion of the targets of some labels, where it is not that of all targets.
     """
-    from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
+    from fwav_companion.tracking.smoothed.smoothed_tracker import Motions, SmoothedTracker
 
-    moving = options.motion == "moving"
-    smoothed = SmoothedTracker(
-        StaticKalman(priors), KEEP_STATIC_NS, priors, source, lever_m=lever_m, kept=kept,
-        consider=not options.self_calibration, smoother=smoother, patience_ns=PATIENCE_NS if moving else 0,
-        landmarks=landmarks, ground=ground,
+    by_label = {label: motion == "moving" for label, motion in (motion_of or {}).items()}
+    return SmoothedTracker(
+        priors, source, lever_m=lever_m, kept=kept, consider=not options.self_calibration, smoother=smoother,
+        landmarks=landmarks, ground=ground, motions=Motions(options.motion == "moving", by_label),
     )  # fmt: skip
-    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=smoothed) if moving else smoothed
 
 
 def tracker_with(

@@ -14,10 +14,10 @@ from fwav_companion.tracking.detector_ids import IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.lifecycle import is_steady
-from fwav_companion.tracking.new_tracks import MAX_TRACKS
 from fwav_companion.tracking.pair_costs import Candidate
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.tracking.track_table import MAX_TRACKS
 from fwav_companion.types import FrameView, GroundFix
 
 Taken: TypeAlias = dict[int, reacquisition.Evidence]

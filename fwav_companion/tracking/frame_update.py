@@ -12,25 +12,20 @@ from math import dist, hypot
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import horizontal_sigma
-from fwav_companion.geometry.vectors import Vector3, dot, norm, subtract, transform
+from fwav_companion.geometry.vectors import subtract
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.detector_ids import CERTAIN, IdTrust
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
+from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.frame_association import Taken
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_state import LiveTrack, innovation
-from fwav_companion.types import FrameView, GroundFix, Sighting
+from fwav_companion.tracking.visibility import is_missed_detection
+from fwav_companion.types import FrameView, GroundFix
 
-AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
-"""Three directions, north and east: an image edge that cuts the inner half of their circle cuts one of them off."""
-TOWARD_COSINE = 0.985
-"""Cosine of the largest angle between a sighting and its target, 10 degrees: a delay of 50 ms turns a sight by 8
-degrees at the fastest instant of a beat of 5 degrees at 5 Hz."""
 DISPLACED_SIGMAS = 8.0
 """Largest displacement, sigmas: twice the gate. A camera late by three sigma displaces a fix by that distance."""
 OFF_RATIO = 2.0
@@ -123,30 +118,6 @@ class FrameUpdate(msgspec.Struct, frozen=True):
             return after
         apparent = msgspec.structs.replace(self.choice, vehicle=None)
         return msgspec.structs.replace(after, innovation=innovation(apparent.target(track), fix))
-
-
-def is_missed_detection(view: FrameView, label: str, target: TargetEstimate, margin_m: float | None) -> bool:
-    """Whether the frame covers the target and has no sighting that may be of this target.
-
-    The frame must cover the target's position and, unless ``margin_m`` is None, a circle of one sigma plus ``margin_m``
-    around it.
-    """
-    place_ned = target.apparent_ned
-    if not view.could_see(place_ned):
-        return False
-    if margin_m is not None:
-        margin_m += horizontal_sigma(target.relative_cov)
-        north, east, down = place_ned
-        if not all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND):
-            return False
-    return not any(sighting.detection.label == label and _is_toward(sighting, place_ned) for sighting in view.unplaced)
-
-
-def _is_toward(sighting: Sighting, place_ned: Vector3) -> bool:
-    """Whether a sighting without a fix, such as a too shallow one, is in the direction of this place."""
-    seen = transform(sighting.ned_from_camera, sighting.ray.direction)
-    to_place = subtract(place_ned, sighting.camera_ned)
-    return dot(seen, to_place) >= TOWARD_COSINE * norm(to_place)
 
 
 def absent(

@@ -15,10 +15,8 @@ from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.lifecycle import is_steady
 from fwav_companion.tracking.track_state import LiveTrack, initiate
+from fwav_companion.tracking.track_table import MAX_TRACKS, weakest_first
 from fwav_companion.types import Detection, GroundFix, Reason, TrackState
-
-MAX_TRACKS = 200
-"""Maximum number of live tracks. A frame has at most 256 detections."""
 
 
 class Begun(msgspec.Struct, frozen=True):
@@ -91,20 +89,6 @@ def _outside_gate(track: LiveTrack, fixes: Sequence[GroundFix], ids: IdEvidence)
 
 def _may_be_of(track: LiveTrack, detection: Detection, ids: IdEvidence) -> bool:
     return track.label == detection.label and not ids.distinguish(track.detector_id, detection.detector_id)
-
-
-def weakest_first(tracks: Sequence[LiveTrack], *, most_coasting: int) -> list[int]:
-    """Indices of the tracks without a fix in this frame that may be deleted for new tracks, in order of deletion.
-
-    Tentative tracks come first, by their score; then coasting tracks, the longest unseen first, so that tracks out of
-    view do not keep new targets out. ``most_coasting``: number of fixes for which they may: a crowd of false detections
-    must not end a known target that it hides.
-    """
-    lives = {i: track.life for i, track in enumerate(tracks) if track.fix is None}
-    tentative = [i for i, life in lives.items() if life.state is TrackState.TENTATIVE]
-    coasting = [i for i, life in lives.items() if life.state is TrackState.COASTING]
-    tentative.sort(key=lambda i: (lives[i].log_likelihood_ratio, lives[i].last_seen_ns))
-    return tentative + sorted(coasting, key=lambda i: lives[i].last_seen_ns)[:most_coasting]
 
 
 def unused_fixes(tracks: Sequence[LiveTrack], begun: Begun) -> dict[Reason, int]:

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.tracking.snapshot import Snapshot
-from fwav_companion.tracking.tracker import Tracker
+from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
@@ -37,7 +37,7 @@ class _Placed(msgspec.Struct):
 
     host_ns: HostNs
     """Capture, host clock."""
-    before: Snapshot
+    before: Any
     """State of the tracker before this frame."""
     after: Settled
     """The line of this frame, final if no earlier frame comes."""
@@ -48,7 +48,7 @@ class Reorder:
 
     __slots__ = ("_latest_ns", "_placed", "_put_ns", "_settled", "_settled_to_ns", "tracker")
 
-    def __init__(self, tracker: Tracker, latest_ns: int = WINDOW_NS) -> None:
+    def __init__(self, tracker: FrameTracker, latest_ns: int = WINDOW_NS) -> None:
         """``latest_ns``: age of a frame beyond which it is refused, at least the window."""
         self.tracker = tracker
         self._latest_ns = latest_ns

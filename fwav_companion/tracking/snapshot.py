@@ -39,5 +39,3 @@ class Snapshot(msgspec.Struct, frozen=True):
     """Evidence of how the vehicle's position wanders; None before the first target showed any."""
     biases: CommonBiases | None = None
     """Shared errors estimated by the innovations of all targets; None before any innovation was learned."""
-    smoothing: object = None
-    """State of the smoother, where the tracker has one."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from math import dist
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
-from fwav_companion.tracking.crowd import Crowd
-from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdTrust
-from fwav_companion.tracking.detector_model import DetectorModel, false_share
+from fwav_companion.tracking.detector_ids import CERTAIN_TRUST
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, WanderEvidence
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
-from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
+from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track
 
 MOST_REPLACED = 16
 """Maximum number of ids of merged tracks that a track keeps: the latest ones."""
@@ -161,46 +159,6 @@ def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
 def opened(target: TargetState, view: FrameView) -> TargetState:
     """The target after a jump of the vehicle's reported position; unchanged where its filter does not model jumps."""
     return target.jumped(view.jumped_m) if isinstance(target, StandingTargetState) else target
-
-
-def detector_after(
-    detector: DetectorModel,
-    host_ns: HostNs,
-    before: Sequence[LiveTrack],
-    after: Sequence[LiveTrack],
-    *,
-    refused: int,
-    id_trust: Mapping[int, IdTrust],
-    crowd: Crowd,
-) -> DetectorModel:
-    """The detector model after a frame. ``after``: the same tracks in order, then those that the frame initiated.
-
-    ``id_trust``: trust in the detector's ids of the fixes, by track id.
-    ``refused``: number of fixes for which the track table had no room. ``crowd``: that after the frame.
-    The fixes of a tentative track count by the probability that the track is clutter: a first photograph of twenty
-    animals is not evidence of twenty false detections.
-    """
-    hits, looks, false, undecided = 0, 0, float(refused), 0.0
-    ids = []
-    for old, now in zip(before, after, strict=False):
-        if now.fix is not None and old.detector_id is not None:
-            met = id_trust.get(old.id, CERTAIN).met
-            ids.append((old.detector_id, now.fix.sighting.detection.detector_id, met))
-        if now.fix is not None and old.life.confirmed_ns is not None:
-            detections = now.life.detections - old.life.detections
-            hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)
-    for life in [track.life for track in after if track.life.confirmed_ns is None]:
-        if life.reason is Reason.REPLACED:
-            continue
-        expected = life.detections * false_share(life.log_likelihood_ratio)
-        if life.state is TrackState.DROPPED:
-            false += expected
-        else:
-            undecided += expected
-    evidence = detector.ids.after(ids) if ids else detector.ids
-    return detector.after_frame(
-        host_ns, detected=hits, looks=looks, false=false, undecided=undecided, ids=evidence, crowd=crowd
-    )
 
 
 def teaches(fix: GroundFix) -> bool:

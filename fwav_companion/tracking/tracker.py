@@ -19,7 +19,8 @@ from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.new_tracks import Begun, unused_fixes, with_new, without_strays
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.snapshot import Snapshot
-from fwav_companion.tracking.track_state import LiveTrack, detector_after, opened, teaches, with_shared_evidence
+from fwav_companion.tracking.track_state import LiveTrack, opened, teaches, with_shared_evidence
+from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState, VehicleState
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import FinalPlace
@@ -82,7 +83,7 @@ class Tracker:
     @property
     def solves(self) -> SolveReport | None:
         """Counts of the smoother's solves; None without a smoother."""
-        return None if self._calibrating is None else self._calibrating.solves
+        return None
 
     def final_places(self) -> dict[int, FinalPlace]:
         """Targets by the whole flight, by id: only a smoother has them."""

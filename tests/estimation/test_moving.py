@@ -19,10 +19,11 @@ def walked(monkeypatch):
     update = Estimator.update
 
     def apart(self, s):
-        update(self, s.select(s.target != WALKER))
-        walker = s.select(s.target == WALKER)
-        if len(walker):
-            self.update_moving(walker)
+        if self.begin(float(s.t[0])) and WALKER in s.target and WALKER not in self.live:
+            self.live.predict(float(s.t[0]))
+            self.live.begin(WALKER, s.select(s.target == WALKER), moving=True)
+        else:
+            update(self, s, s.target != WALKER)
 
     monkeypatch.setattr(Estimator, "update", apart)
     return planted, flown(planted, priors())
@@ -30,7 +31,7 @@ def walked(monkeypatch):
 
 def test_walker_is_within_its_claim_and_does_not_teach(monkeypatch):
     planted, estimator = walked(monkeypatch)
-    t = estimator.moving[WALKER].t
+    t = estimator.live.t
     capture = t - 0.03
     answer = estimator.answer(WALKER, t)
     camera = path(planted.flight, np.array([t]))[0][0]
@@ -38,6 +39,7 @@ def test_walker_is_within_its_claim_and_does_not_teach(monkeypatch):
     error = true - camera[:2] - answer.relative[:2]
     assert np.hypot(*error) < 0.3
     assert error @ np.linalg.solve(answer.relative_covariance[:2, :2], error) < 18.0
-    assert WALKER not in estimator.live.targets
+    assert WALKER not in estimator.live.at
+    assert WALKER not in estimator.kept.target
     velocity_error = answer.velocity - [0.5, 0.1]
     assert velocity_error @ np.linalg.solve(answer.velocity_covariance, velocity_error) < 18.0

@@ -1,6 +1,6 @@
 """Shares of causes in a target's variance, against the inverse of a precision."""
 
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -9,6 +9,26 @@ from fwav_companion.estimation.errors import BODY_SHARED, CAMERA_DELAY, HEIGHT
 from fwav_companion.estimation.variance_shares import variance_shares
 
 E = BODY_SHARED
+
+
+@dataclass
+class LiveStub:
+    """A live filter of the target 4: its covariance, and that with the base state."""
+
+    own: np.ndarray
+    by_base: np.ndarray
+    covariance: np.ndarray
+    size: int = BODY_SHARED
+    error: int = E
+
+    def __contains__(self, target):
+        return target == 4
+
+    def place(self, target):
+        return np.zeros(3), self.own
+
+    def cross(self, target):
+        return self.by_base
 
 
 @pytest.fixture
@@ -20,10 +40,7 @@ def live():
     sensitivity = np.zeros((3, E + 3))
     sensitivity[0, CAMERA_DELAY], sensitivity[1, HEIGHT], sensitivity[0, E] = 5.0, 0.7, 1.0
     own = np.diag([0.01, 0.04, 0.25]) + sensitivity @ covariance @ sensitivity.T
-    return SimpleNamespace(
-        at={4: 0}, other={}, targets=np.array([4]), size=BODY_SHARED, error=E, covariance=covariance,
-        places=lambda: (np.zeros((1, 3)), own[None], (sensitivity @ covariance)[None]),
-    )  # fmt: skip
+    return LiveStub(own, sensitivity @ covariance, covariance)
 
 
 def test_share_is_the_variance_that_is_lost_when_the_cause_is_known(live):
@@ -36,9 +53,8 @@ def test_share_is_the_variance_that_is_lost_when_the_cause_is_known(live):
 
 
 def test_no_share_exceeds_the_targets_variance(live):
-    _, (own,), _ = live.places()
-    live.places = lambda: (np.zeros((1, 3)), own[None], 100.0 * np.ones((1, 3, E + 3)))
-    assert max(variance_shares(live, 4).values()) <= np.trace(own[:2, :2])
+    live.by_base = 100.0 * np.ones((3, E + 3))
+    assert max(variance_shares(live, 4).values()) <= np.trace(live.own[:2, :2])
 
 
 def test_target_that_is_not_held_has_no_shares(live):

@@ -24,7 +24,7 @@ def kept(most, frames):
     whole = WholeFlight(most)
     for each in frames:
         whole.add(each)
-    return whole.sightings({}, -1.0)
+    return whole.sightings(-1.0)
 
 
 def test_all_sightings_are_kept_up_to_the_bound_and_never_more():
@@ -50,10 +50,23 @@ def test_sightings_of_merged_targets_count_for_the_last_name_and_are_in_order():
     whole = WholeFlight()
     for each in (frame(5, (3,)), frame(2, (1,)), frame(7, (2,))):
         whole.add(each)
-    s = whole.sightings({1: 2, 2: 3}, 2.5)
-    assert s.target.tolist() == [3, 3]
-    assert s.t.tolist() == [5.0, 7.0]
-    assert whole.sightings({}, 7.0) is None
+    whole.rename(1, 2)
+    whole.rename(2, 3)
+    whole.add(frame(6, (2,)))  # a later target may have the number of one that was merged
+    s = whole.sightings(2.5)
+    assert s.target.tolist() == [3, 2, 3]
+    assert s.t.tolist() == [5.0, 6.0, 7.0]
+    assert whole.sightings(7.0) is None
+
+
+def test_forgotten_target_is_left_out_of_frames_that_show_others():
+    whole = WholeFlight()
+    for each in (frame(1, (1, 2)), frame(2, (1,)), frame(3, (2,))):
+        whole.add(each)
+    whole.forget(1)
+    s = whole.sightings(-1.0)
+    assert s.target.tolist() == [2, 2]
+    assert s.t.tolist() == [1.0, 3.0]
 
 
 def test_only_the_targets_that_are_seen_most_are_solved():
@@ -68,7 +81,7 @@ def test_snapshot_does_not_take_later_frames():
     whole.add(frame(1))
     before = whole.copy()
     whole.add(frame(2))
-    assert len(before.sightings({}, -1.0)) == 1
+    assert len(before.sightings(-1.0)) == 1
 
 
 @pytest.mark.parametrize("span_s", [0.1, 30.0, 600.0, 7200.0])

@@ -9,7 +9,7 @@ from simulated_world import World
 
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
-from fwav_companion.tracking.new_tracks import MAX_TRACKS
+from fwav_companion.tracking.track_table import MAX_TRACKS
 from fwav_companion.types import NoFrame, Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)

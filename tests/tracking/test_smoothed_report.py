@@ -42,6 +42,7 @@ def estimator_with(off=None, unknown=(), modes=(), weight=1.0):
     for index in unknown:
         sigma[index] = PRIORS.sigma[index]
     estimator.live = SimpleNamespace(mean=mean, covariance=np.diag(sigma**2))
+    estimator.solves = 1
     found = [DelayMode(cost, mean + np.eye(BODY_SHARED)[CAMERA_DELAY] * delay, {}) for cost, delay in modes]
     estimator.estimate = SimpleNamespace(modes=tuple(found), weight=weight)
     return estimator

@@ -13,9 +13,9 @@ from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, height_variance
 from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate
-from fwav_companion.tracking.frame_update import is_missed_detection
 from fwav_companion.tracking.track_merging import ALTERNATING_NS, TURNS, AlternatingFixes
 from fwav_companion.tracking.track_state import MOST_REPLACED, initiate, teaches
+from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)

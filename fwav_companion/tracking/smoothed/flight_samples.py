@@ -65,12 +65,14 @@ class FlightSamples:
 
     __slots__ = (
         "_attitude_ns", "_gimbal_ns", "_has_gimbal", "_lever_m", "_position_ns", "_priors", "_range_ns", "_source",
-        "level_m",
+        "level_m", "relative",
     )  # fmt: skip
 
     def __init__(self, source: SampleSource, lever_m: Vector3, priors: ErrorPriors, *, has_gimbal: bool) -> None:
         """``lever_m``: from the reported position to the camera, body axes, metres."""
         self._source, self._lever_m, self._priors, self._has_gimbal = source, lever_m, priors, has_gimbal
+        self.relative = False
+        """Whether there is no position: then the world's origin goes with the vehicle, on the ground below it."""
         self.restart()
 
     def restart(self) -> None:
@@ -99,6 +101,9 @@ class FlightSamples:
     def _add(self, estimator: Estimator, state: VehicleState, reference: GroundReference, *, reset: bool) -> None:
         """Add the camera's position: the vehicle's, moved by the lever arm."""
         position, velocity = state.position_ned, state.velocity_ned
+        if self.relative and state.height_above_home_m is not None:
+            down_m_s = 0.0 if velocity is None else velocity[2]
+            position, velocity = (0.0, 0.0, -state.height_above_home_m), (0.0, 0.0, down_m_s)
         if position is None or velocity is None:
             return
         north, east, down = rotate(state.ned_from_body, self._lever_m)

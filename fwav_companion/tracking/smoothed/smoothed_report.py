@@ -26,19 +26,23 @@ _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} |
 }
 """Parameters whose contradicted priors are reported, and their numbers there."""
 NEVER_SOLVED = "no target was seen long enough with a global position"
+WRONG_MOUNT = "the mount is wrong: correct it first"
 REFUSES = "half of the sightings fit no estimate: check the camera's calibration and mount, and [ground] model"
 
 
-def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
+def smoothed_report(estimator: Estimator, host_ns: HostNs, mistake: str = "") -> CalibrationReport:
     """The report now. The mount is reported as a correction, the opposite of the smoother's sign.
 
-    Its x and y count what the attitude is tilted: that is what the configuration must turn.
+    Its x and y count what the attitude is tilted: that is what the configuration must turn. ``mistake``: that of the
+    mount in words; nothing is known then.
     """
     statuses = camera_statuses(estimator)
     parameters = parameter_reports(statuses)
     delay, height, (x, y, z) = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT]
     rivals = tuple(estimator.rival_delays()) if not delay.is_known else ()
     status, reason = _status(estimator, statuses, parameters, is_ambiguous=len(rivals) > 1)
+    if mistake:
+        status, reason = CalibrationStatus.WAITING, WRONG_MOUNT
     return CalibrationReport(
         host_ns=host_ns,
         time_offset_s=delay.estimate,
@@ -47,6 +51,7 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs) -> CalibrationReport:
         mount_sigma=(x.sigma, y.sigma, z.sigma),
         height_m=height.estimate,
         height_sigma_m=height.sigma,
+        mistake=mistake,
         status=status,
         reason=reason,
         alternatives=rivals if status is CalibrationStatus.AMBIGUOUS else (),
@@ -60,7 +65,7 @@ def _status(
     estimator: Estimator, statuses: Sequence[ParameterStatus], parameters: Sequence[ParameterReport],
     *, is_ambiguous: bool,
 ) -> tuple[CalibrationStatus, str | None]:  # fmt: skip
-    if estimator.live is None:
+    if not estimator.solves:
         return CalibrationStatus.WAITING, NEVER_SOLVED
     needed = (parameters[CAMERA_DELAY], *parameters[MOUNT])
     missing = [p for p in parameters if p.status == "contradicts"] or [p for p in needed if p.status == "waiting"]

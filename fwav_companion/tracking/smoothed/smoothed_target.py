@@ -2,86 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import log, pi, prod
+from math import sqrt
 
 import msgspec
 
 from fwav_companion.estimation.answers import TargetAnswer
-from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.errors import MOUNT, PITCH, ROLL, Array
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction
 from fwav_companion.estimation.variance_shares import variance_shares
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.tracking.clutter import noise_area_px2
-from fwav_companion.tracking.filters.base import TargetEstimate, TargetState
-from fwav_companion.tracking.self_calibrated import TargetChoice
-from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.geometry.rotations import rotate
+from fwav_companion.geometry.vectors import Matrix3, Vector3, add
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import FrameView, GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
-
-class FrameAnswers:
-    """The smoother's answers at one frame: predicted measurements, and places at its capture."""
-
-    __slots__ = ("_estimator", "_gates", "camera_from_vehicle", "is_mapped", "t", "vehicle_ned")
-
-    def __init__(self, estimator: Estimator, t: float, view: FrameView, *, is_mapped: bool = False) -> None:
-        """``t``: capture of row 0, seconds on the autopilot's clock. ``is_mapped``: by an elevation model."""
-        self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
-        self.vehicle_ned = view.vehicle_ned
-        self.camera_from_vehicle: Vector3 = (0.0, 0.0, 0.0)
-        at_row = view.fixes[0].sighting if view.fixes else None
-        if at_row is not None and at_row.state.position_ned is not None:
-            camera, vehicle = at_row.camera_ned, at_row.state.position_ned
-            self.camera_from_vehicle = (camera[0] - vehicle[0], camera[1] - vehicle[1], camera[2] - vehicle[2])
-        self._gates: dict[tuple[int, int], GateResult] = {}
-
-    def add_gates(self, fixes: Sequence[GroundFix], prediction: FramePrediction) -> None:
-        """Add the gating statistics of the frame's pairs; of those with a rival, given the pairs without one.
-
-        Targets that are displaced alike by a shared error are one surprise: a pair must agree with the others'.
-        """
-        certain = prediction.unambiguous()
-        if len(certain) and len(certain) < int((prediction.distance2 < GATE2).sum()):
-            prediction = prediction.given(certain)
-        # A detection's pixel noise is the unit of its residual; clutter is compared with all of a fix's own noise.
-        own = [2.0 * log(noise_area_px2(fix) / (2.0 * pi * prod(fix.sighting.pixel_sigma))) for fix in fixes]
-        rows = zip(
-            prediction.detection.tolist(), prediction.target.tolist(), prediction.visible.tolist(),
-            prediction.distance2.tolist(), prediction.log_det.tolist(), strict=True,
-        )  # fmt: skip
-        for detection, target, visible, distance2, log_det in rows:
-            if visible:
-                self._gates[target, id(fixes[detection])] = GateResult(distance2, log_det - own[detection])
-
-    def gate(self, target: int, fix: GroundFix) -> GateResult:
-        """Gating statistics of a fix of this frame."""
-        return self._gates.get((target, id(fix)), OUTSIDE_GATE)
-
-    def point_height_m(self, target: int) -> float:
-        """Height of a target's detected point above its foot, metres."""
-        return self._estimator.model.target(target).height_m
-
-    def shares(self, target: int) -> dict[str, float]:
-        """Horizontal variance of a target by cause, m^2."""
-        return variance_shares(self._estimator.live, target)
-
-    def answer(self, target: int) -> TargetAnswer | None:
-        """A target at the frame's capture; None where the smoother does not hold it."""
-        return None if self.vehicle_ned is None else self._estimator.answer(target, self.t)
+CLIMB_SIGMA_M_S = 0.3
+"""One sigma of a moving target's vertical velocity, m/s: targets are on the ground."""
 
 
 class SmoothedTarget(msgspec.Struct, frozen=True):
-    """A static target by the smoother. On flat ground its height is that of the ground, by its own filter."""
+    """A target by the live filter at one frame. On flat ground its height is that of the ground, by its last fix."""
 
     frame: FrameAnswers
     track: int
-    own: TargetState
+    """Its number in the estimator."""
     answer: TargetAnswer
-    velocity_ned: Vector3 | None = None
-    velocity_cov: Matrix3 | None = None
+    vehicle_ned: Vector3
+    """Vehicle's reported position, NED, metres."""
+    lever_ned: Vector3
+    """From the reported position to the camera, NED, metres."""
+    last_fix: GroundFix
+    """Gives the height of flat ground."""
+    moving: bool
 
     @property
     def position_ned(self) -> Vector3:
@@ -97,10 +49,9 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
     @property
     def apparent_ned(self) -> Vector3:
         """The reported vehicle plus the target relative to it, NED, metres."""
-        vehicle, lever = self.frame.vehicle_ned or (0.0, 0.0, 0.0), self.frame.camera_from_vehicle
-        north, east, up = self.answer.relative.tolist()
-        down = self._down(vehicle[2] + lever[2] - up)
-        return (north + vehicle[0] + lever[0], east + vehicle[1] + lever[1], down)
+        north, east, down = add(self.vehicle_ned, self.lever_ned)
+        to_north, to_east, up = self.answer.relative.tolist()
+        return (north + to_north, east + to_east, self._down(down - up))
 
     @property
     def relative_cov(self) -> Matrix3:
@@ -109,45 +60,91 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
 
     def _down(self, of_point_m: float) -> float:
         if not self.frame.is_mapped:
-            return self.own.position_ned[2]
+            return self.last_fix.position_ned[2]
         return of_point_m + self.frame.point_height_m(self.track)
 
     def _ned(self, covariance: Array) -> Matrix3:
         (nn, ne, nu), (_, ee, eu), (_, _, uu) = covariance.tolist()
         if not self.frame.is_mapped:
-            return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.own.cov[2][2]))
+            return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.last_fix.noise_cov[2][2]))
         return ((nn, ne, -nu), (ne, ee, -eu), (-nu, -eu, uu))
 
     def shares_by_cause(self) -> dict[str, float]:
         """Horizontal variance that it would lose if one cause of error were exactly known, by cause, m^2."""
         return self.frame.shares(self.track)
 
-    def gate(self, fix: GroundFix) -> GateResult:
-        """Gating statistics of a fix of this frame, by the live posterior."""
-        return self.frame.gate(self.track, fix)
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """Velocity, NED, m/s; None for a static target."""
+        north, east = self.answer.velocity.tolist()
+        return (north, east, 0.0) if self.moving else None
 
-    def predict(self, host_ns: HostNs) -> TargetState:
-        """The own filter's state at a later instant: the smoother predicts for itself."""
-        return self.own.predict(host_ns)
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """Covariance of the velocity, NED, (m/s)^2; None for a static target."""
+        if not self.moving:
+            return None
+        (nn, ne), (_, ee) = self.answer.velocity_covariance.tolist()
+        return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, CLIMB_SIGMA_M_S**2))
 
-    def update(self, fix: GroundFix) -> TargetState:
-        """The own filter's state after a fix."""
-        return self.own.update(fix)
 
+class FrameAnswers:
+    """The smoother's answers at one frame's capture."""
 
-class SmoothedChoice(TargetChoice, frozen=True, kw_only=True):
-    """Reports by the smoother where it holds the target, else by the track's own filter."""
+    __slots__ = ("_estimator", "_lever_ned", "_targets", "_vehicle_ned", "gates", "is_mapped", "t")
 
-    frame: FrameAnswers
+    def __init__(
+        self, estimator: Estimator, t: float, view: FrameView, lever_m: Vector3, *, is_mapped: bool = False
+    ) -> None:
+        """``t``: capture of row 0, seconds on the autopilot's clock. ``lever_m``: to the camera, body axes, metres.
 
-    def target(self, track: LiveTrack) -> TargetEstimate:
-        """The target as it is reported."""
-        return self._smoothed(track) or track.target
+        ``is_mapped``: whether the ground is an elevation model.
+        """
+        self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
+        self._lever_ned: Vector3 = (0.0, 0.0, 0.0)
+        if view.vehicle is not None:
+            self._lever_ned = rotate(view.vehicle.ned_from_body, lever_m)
+        self._vehicle_ned = view.vehicle_ned
+        self._targets: dict[tuple[int, int], SmoothedTarget | None] = {}
+        self.gates: dict[tuple[int, int], GateResult] = {}
+        """Gating statistics by track id and fix index, each pair by itself."""
 
-    def gated(self, track: LiveTrack) -> TargetState:
-        """The target that gates fixes in the association."""
-        return self._smoothed(track) or track.target
+    def forget(self) -> None:
+        """Answer anew: the estimator has changed."""
+        self._targets.clear()
 
-    def _smoothed(self, track: LiveTrack) -> SmoothedTarget | None:
-        answer = self.frame.answer(track.id) if track.id > 0 else None
-        return None if answer is None else SmoothedTarget(self.frame, track.id, track.target, answer)
+    def gate(self, track: int, fix: int) -> GateResult:
+        """Gating statistics of a fix of this frame."""
+        return self.gates.get((track, fix), OUTSIDE_GATE)
+
+    def target(self, track: SmoothedTrack) -> SmoothedTarget | None:
+        """The track's target; None where the live filter does not hold it."""
+        key = (track.id, id(track.last_fix))
+        if key not in self._targets:
+            self._targets[key] = self._target(track)
+        return self._targets[key]
+
+    def _target(self, track: SmoothedTrack) -> SmoothedTarget | None:
+        answer = self._estimator.answer(track.id, self.t)
+        if answer is None:
+            return None
+        vehicle = self._vehicle_ned or self._estimator.reported_ned(self.t)
+        return SmoothedTarget(self, track.id, answer, vehicle, self._lever_ned, track.last_fix, track.moving)
+
+    def point_height_m(self, target: int) -> float:
+        """Height of a target's detected point above its foot, metres."""
+        return self._estimator.model.target(target).height_m
+
+    def shares(self, target: int) -> dict[str, float]:
+        """Horizontal variance of a target by cause, m^2."""
+        return variance_shares(self._estimator.live, target)
+
+    def displaced_m(self, track: SmoothedTrack) -> float:
+        """Distance by which the estimated mount and tilt displace a target from where the configuration expects it."""
+        live = self._estimator.live
+        if live is None:
+            return 0.0
+        turn = live.mean[MOUNT].copy()
+        turn[0] += live.mean[ROLL]
+        turn[1] += live.mean[PITCH]
+        return track.slant_m * sqrt(float(turn @ turn))

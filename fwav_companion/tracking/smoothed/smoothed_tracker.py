@@ -1,14 +1,15 @@
-"""The tracker whose targets and gates are the smoother's.
+"""The tracker by the smoother: its live filter predicts, gates and answers for every track, from the first sighting on.
 
-Tracks begin, are confirmed, coast and end by the rules of ``tracking``. A confirmed track's detections go to the
-smoother, those from before its confirmation, too. From the first solve that holds a target on, its gate, its place and
-its covariance are the live filter's; before, they are those of a filter of its own.
+A detection that no track explains begins a tentative track, whose target begins in the live filter at the present
+calibration. Tentative tracks are confirmed, coast and are deleted by the rules of ``lifecycle``. A confirmed static
+track's sightings go to the solves, those from before its confirmation, too. A target that may move never teaches; where
+it has been still for long, a static target in its place does (``StillTargets``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -22,8 +23,7 @@ from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
-from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.self_calibrated import TargetChoice
+from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
 from fwav_companion.tracking.smoothed.flight_ground import (
     ReferenceNow,
@@ -33,13 +33,16 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     target_height,
 )
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, SampleSource, sightings_of
+from fwav_companion.tracking.smoothed.smoothed_frame import FrameTracks
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
+from fwav_companion.tracking.smoothed.smoothed_merging import merged
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
-from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedChoice
+from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
+from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
-from fwav_companion.tracking.snapshot import Snapshot
-from fwav_companion.tracking.track_state import LiveTrack
-from fwav_companion.tracking.tracker import Tracker
+from fwav_companion.tracking.smoothed.still_targets import still_sightings
+from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import (
     ErrorPriors,
     FrameView,
@@ -50,7 +53,7 @@ from fwav_companion.types import (
     LandmarkRecord,
     Reason,
     Track,
-    VehicleState,
+    TrackState,
 )
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import FinalPlace
@@ -61,37 +64,27 @@ and longer than a solve takes on a small board (40 to 120 M instructions at 500 
 SEARCH_TAKE_OVER_S = 1.5
 """The same for a solve with a search of the delay: about 350 M instructions with one target, 800 M with ten. These are
 606 M and 1 266 M, counted before the search left out hopeless starts, less the share of CPU time that this saves. Until
-the first one the answers are those of the targets' own filters, which consider the priors."""
+the first one the answers are those of the live filter by the priors."""
 MOST_WAITING = 64
-"""Detections of a tentative track that are kept for the smoother."""
+"""Sightings of a tentative track that are kept for the solves."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
 
 NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
 
 
-@dataclass
-class Smoothing:
-    """The smoother between two frames."""
+class Motions(msgspec.Struct, frozen=True):
+    """Which targets may move, by their label."""
 
-    estimator: Estimator
-    pending: PendingSolve | None
-    waiting: dict[int, tuple[Sightings, ...]]
-    """Detections of tentative tracks, by track id."""
-    landmarks: SmoothedLandmarks
-    reference: GroundReference
-    """The ground of the estimator's model."""
-    renamed: frozenset[int] = frozenset()
-    """Ids of merged tracks whose detections are counted as the senior's."""
+    default: bool = False
+    by_label: Mapping[str, bool] = {}
 
-    def copy(self) -> Smoothing:
-        """A snapshot."""
-        return replace(
-            self, estimator=self.estimator.copy(), waiting=dict(self.waiting), landmarks=self.landmarks.copy()
-        )
+    def moves(self, label: str) -> bool:
+        """Whether targets of this label may move."""
+        return self.by_label.get(label, self.default)
 
 
-class SmoothedTracker(Tracker):
+class SmoothedTracker:
     """Tracks targets through frames in capture order."""
 
     __slots__ = (
@@ -100,48 +93,51 @@ class SmoothedTracker(Tracker):
         "_ground",
         "_host_ns",
         "_known",
+        "_lever_m",
+        "_motions",
         "_priors",
         "_samples",
-        "_sights",
         "_smoother",
-        "_smoothing",
         "_solves",
         "_start",
+        "_state",
+        "reports_innovations",
     )
 
     def __init__(
-        self, target_filter: Filter, keep_ns: int, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3,
-        kept: KeptCalibration | None = None, consider: bool = False, smoother: SmootherOptions | None = None,
-        patience_ns: int = 0, landmarks: Sequence[Landmark] = (), ground: ReferenceNow = level_at_home,
+        self, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3, kept: KeptCalibration | None = None,
+        consider: bool = False, smoother: SmootherOptions | None = None, landmarks: Sequence[Landmark] = (),
+        motions: Motions | None = None, ground: ReferenceNow = level_at_home,
     ) -> None:  # fmt: skip
         """``consider``: no self-calibration; the priors of all parameters count in every covariance.
 
         ``smoother``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
         """
-        super().__init__(target_filter, keep_ns, patience_ns=patience_ns)
+        self.reports_innovations = False
         self._priors, self._consider, self._smoother = priors, consider, smoother or SmootherOptions()
         self._start = shared_priors(priors, kept)
-        self._known, self._ground = tuple(landmarks), ground
+        self._known, self._lever_m, self._motions = tuple(landmarks), lever_m, motions or Motions()
+        self._ground, self._solves = ground, SolveCounts()
         self._samples = FlightSamples(source, lever_m, priors, has_gimbal=priors.gimbal is not None)
-        self._smoothing = self._begin_smoothing()
+        self._state = self._begun(1)
         self._answers: FrameAnswers | None = None
-        self._sights: Sightings | None = None
         self._host_ns = HostNs(0)
-        self._solves = SolveCounts()
 
-    def _begin_smoothing(self) -> Smoothing:
+    def _begun(self, next_id: int) -> SmoothedState:
         reference = self._ground()
         noise = sample_noise(self._priors, None, STAMP_SIGMA_S, height_wander_m(reference, self._priors))
         whole_flight = WholeFlight() if self._smoother.whole_flight else None
         estimator = Estimator(
             self._start, noise, ground=surface_of(reference), consider=self._consider, whole_flight=whole_flight
         )
-        return Smoothing(estimator, None, {}, SmoothedLandmarks(self._known), reference)
+        return SmoothedState(estimator, SmoothedLandmarks(self._known), reference, next_id)
 
     @property
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
-        return None if self._consider else smoothed_report(self._smoothing.estimator, self._host_ns)
+        if self._consider:
+            return None
+        return smoothed_report(self._state.estimator, self._host_ns, self._state.turns.mistake)
 
     @property
     def solves(self) -> SolveReport:
@@ -149,156 +145,239 @@ class SmoothedTracker(Tracker):
         return self._solves.report
 
     def final_places(self) -> dict[int, FinalPlace]:
-        """Static targets by the whole flight, by track id."""
-        return self._smoothing.estimator.final_places()
+        """Static targets by the whole flight, by track id; of targets that may move, those that were still."""
+        state, places = self._state, self._state.estimator.final_places()
+        return {state.track_of(number): place for number, place in places.items()}
+
+    @property
+    def crowd(self) -> Crowd:
+        """The labels of which more detections fit no track than new targets explain."""
+        return self._state.detector.crowd
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
         """The record of each landmark's sights so far."""
-        return self._smoothing.landmarks.records(self._smoothing.estimator)
+        return self._state.landmarks.records(self._state.estimator)
 
     @property
     def landmark_altitude(self) -> LandmarkAltitude | None:
         """Error of the vehicle's altitude by the landmarks; None before one is used."""
-        smoothing = self._smoothing
-        return smoothing.landmarks.altitude(smoothing.estimator, smoothing.reference)
+        return self._state.landmarks.altitude(self._state.estimator, self._state.reference)
 
-    def snapshot(self) -> Snapshot:
+    @property
+    def unused_fixes(self) -> Mapping[Reason, int]:
+        """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
+        return self._state.unused_fixes
+
+    @property
+    def next_id(self) -> int:
+        """The id of the next new track."""
+        return self._state.next_id
+
+    @next_id.setter
+    def next_id(self, next_id: int) -> None:
+        self._state.next_id = next_id
+
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Nothing is due between frames."""
+        return None
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Nothing is due between frames."""
+
+    def best_targets(self) -> dict[int, SmoothedTarget]:
+        """The reported targets of all live tracks, by id."""
+        answers = self._answers
+        if answers is None:
+            return {}
+        found = {track.id: answers.target(track) for track in self._state.tracks if track.id > 0}
+        return {number: target for number, target in found.items() if target is not None}
+
+    def snapshot(self) -> SmoothedState:
         """The present state, for :meth:`restore`."""
-        return msgspec.structs.replace(self._state, smoothing=self._smoothing.copy())
+        return self._state.copy()
 
-    def restore(self, snapshot: Snapshot) -> None:
+    def restore(self, snapshot: SmoothedState) -> None:
         """Return to an earlier state, ids included: the same frames then give the same tracks again."""
-        self._state = snapshot
-        if isinstance(snapshot.smoothing, Smoothing):
-            self._smoothing = snapshot.smoothing.copy()
+        self._state = snapshot.copy()
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
-        smoothing, t = self._smoothing, s_from_ns(view.boot_ns)
-        estimator, self._host_ns = smoothing.estimator, view.host_ns
+        state, t = self._state, s_from_ns(view.boot_ns)
+        estimator, self._host_ns = state.estimator, view.host_ns
+        if view.fixes:
+            self._samples.relative = view.fixes[0].sighting.relative
         reference = self._ground()
         self._samples.feed(estimator, reference)
         self._follow_ground(reference)
-        self._take_over(t)
+        taken_over = self._take_over(t)
         self._follow_receiver(view)
-        self._answers = FrameAnswers(estimator, t, view, is_mapped=reference.surface is not None)
-        self._sights = sightings_of(view.frame, view.fixes) if view.fixes else None
-        if self._sights is not None:
-            prediction = estimator.predict(self._sights)
-            if prediction is not None:
-                self._answers.add_gates(view.fixes, prediction)
-        return super().on_frame(view)
+        if not estimator.begin(t) or estimator.live is None:
+            return ()
+        estimator.live.predict(t)
+        sights = sightings_of(view.frame, view.fixes) if view.fixes else None
+        answers = self._answers = FrameAnswers(
+            estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
+        )
+        frame = FrameTracks(
+            state, view, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
+            reports_innovations=self.reports_innovations,
+        )  # fmt: skip
+        before = state.tracks
+        after = frame.updated(before, sights)
+        tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
+        if sights is not None:
+            self._teach(view, sights, tracks)
+            if frame.displaced:
+                fixes, numbers = (np.array(column) for column in zip(*sorted(frame.displaced.items()), strict=True))
+                estimator.refuse(sights.select(fixes).with_targets(numbers))
+        tracks = frame.continued(tracks)
+        if taken_over:
+            tracks = merged(tracks, estimator)
+        state.detector = detector_after(
+            state.detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
+        )
+        state.unused_fixes = frame.unused(tracks)
+        if sights is not None and not self._consider:
+            self._judge_mount(view, sights)
+        answers.forget()
+        reports = self._reports(tracks, view, answers)
+        state.tracks = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
+        self._forget(tracks)
+        if state.pending is None and estimator.is_solve_due(t):
+            task = estimator.start_solve(t)
+            due_s = t + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
+            state.pending = PendingSolve(due_s, self._smoother.solver(task))
+        return reports
 
     def _follow_ground(self, reference: GroundReference) -> None:
         """Take a home or an elevation model that was moved, or a rangefinder's first reading, as the ground."""
-        smoothing, level_m = self._smoothing, self._samples.level_m
+        state, level_m = self._state, self._samples.level_m
         if reference.height is HeightReference.RANGE and level_m is not None:
             reference = msgspec.structs.replace(reference, level_m=level_m)
-        if reference != smoothing.reference:
-            smoothing.reference = reference
-            smoothing.estimator.model = replace(smoothing.estimator.model, ground=surface_of(reference))
+        if reference != state.reference:
+            state.reference, estimator = reference, state.estimator
+            estimator.model = replace(estimator.model, ground=surface_of(reference))
+            if estimator.live is not None:
+                estimator.live.model = estimator.model
 
-    def _take_over(self, t: float) -> None:
-        """Take over a solve that is due. One that is late is counted, and taken over at the first frame after it."""
-        smoothing, pending = self._smoothing, self._smoothing.pending
+    def _take_over(self, t: float) -> bool:
+        """Take over a solve that is due; whether one was. A late one is counted, and taken over when it is ready."""
+        state, pending = self._state, self._state.pending
         if pending is None or t < pending.due_s:
-            return
+            return False
         try:
             estimate = pending.job.estimate()
         except np.linalg.LinAlgError:  # what no solve can be made of leaves the former estimate
             estimate = NO_ESTIMATE
         if estimate is None:
             self._solves.miss(pending)
-            return
-        smoothing.pending = None
+            return False
+        state.pending = None
         if not estimate.is_finite:
             self._solves.failed += 1
-            return
-        smoothing.estimator.adopt(estimate)
+            return False
+        state.estimator.adopt(estimate)
         self._solves.taken += 1
+        return True
+
+    def _reports(self, tracks: Sequence[SmoothedTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
+        targets = [(track, answers.target(track)) for track in tracks if track.id > 0]
+        misplaced_m = self._state.turns.misplaced_m
+        return tuple([track.report(target, view, misplaced_m) for track, target in targets if target is not None])
+
+    def _judge_mount(self, view: FrameView, sights: Sightings) -> None:
+        """Keep the sights of labels that do not move, and try one more turn of the mount."""
+        labels = [fix.sighting.detection.label for fix in view.fixes]
+        static = [i for i, label in enumerate(labels) if not self._motions.moves(label)]
+        turns = self._state.turns
+        if static:
+            mount = view.fixes[0].sighting.body_from_camera
+            turns.add([labels[i] for i in static], sights.select(np.array(static)), mount, view.host_ns)
+        turns.judge(self._state.estimator)
+
+    def _crowd_after(self, view: FrameView, before: Sequence[SmoothedTrack], frame: FrameTracks) -> Crowd:
+        """The crowd after a frame; unchanged where tracks took nearly all of its fixes."""
+        detector, left = self._state.detector, frame.left
+        if not detector.crowd.labels and len(left) <= NEW_TARGETS:
+            return detector.crowd
+        tentative = [view.fixes[frame.taken[t.id].index] for t in before if t.id in frame.taken and not t.confirmed]
+        elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
+        return detector.crowd.after_frame([view.fixes[j] for j in left], tentative, elapsed_s)
 
     def _follow_receiver(self, view: FrameView) -> None:
         """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""
-        state, estimator = view.vehicle, self._smoothing.estimator
-        if state is None:
+        vehicle, estimator = view.vehicle, self._state.estimator
+        if vehicle is None:
             return
         path, noise = estimator.carrier.path, estimator.model.noise
-        if state.position_bias_m is not None:
-            path.add_accuracy(s_from_ns(view.boot_ns), state.position_bias_m)
+        if vehicle.position_bias_m is not None:
+            path.add_accuracy(s_from_ns(view.boot_ns), vehicle.position_bias_m)
         worst_m = max((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
-        stamp_sigma_s = max(STAMP_SIGMA_S, state.stamp_sigma_s)
+        stamp_sigma_s = max(STAMP_SIGMA_S, vehicle.stamp_sigma_s)
         new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
         if new != noise:
             estimator.model = replace(estimator.model, noise=new)
 
-    def _choice(self, vehicle: VehicleState | None = None) -> TargetChoice:
-        if self._answers is None:
-            return TargetChoice(None, None, False, vehicle)
-        return SmoothedChoice(None, None, False, vehicle, frame=self._answers)
+    def _teach(self, view: FrameView, sights: Sightings, tracks: Sequence[SmoothedTrack]) -> None:
+        """Hand the frame's sightings to the live filter, and those of confirmed static tracks to the solves."""
+        state = self._state
+        estimator, index = state.estimator, {id(fix): i for i, fix in enumerate(view.fixes)}
+        surveyed = {sight.fix.sighting.index: sight for sight in view.landmarks}
+        rows: list[tuple[int, int, bool]] = []
+        seen = [
+            (index[id(track.fix)], track) for track in tracks if track.fix is not None and track.id in state.waiting
+        ]
+        for i, track in seen:
+            teaches = track.confirmed and not track.moving
+            if teaches:
+                self._release(track)
+                sight = surveyed.get(view.fixes[i].sighting.index)
+                if sight is not None and track.id > 0:
+                    state.landmarks.add(sight, track.id, estimator, state.reference)
+            elif not track.moving:
+                own = sights.select(np.array([i])).with_targets(np.array([track.id]))
+                state.waiting[track.id] = (*state.waiting[track.id], own)[-MOST_WAITING:]
+            if track.life.detections > 1 or teaches:  # the first one began the target
+                rows.append((i, track.id, teaches))
+        moving = [(i, track) for i, track in seen if track.moving and track.confirmed]
+        if moving:
+            rows += still_sightings(state, moving, sights, view.host_ns)
+        if rows:
+            rows.sort()
+            which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
+            estimator.update(sights.select(which).with_targets(targets), teaching)
 
-    def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> None:
-        """Hand the frame's detections of confirmed tracks to the smoother, and start a solve where one is due."""
-        smoothing, sights = self._smoothing, self._sights
-        estimator = smoothing.estimator
-        self._rename(living)
-        if sights is not None:
-            index = {id(fix): i for i, fix in enumerate(view.fixes)}
-            taught: list[tuple[int, int]] = []
-            confirmed = {track.id for track in self._teachers(living, view.host_ns)}
-            surveyed = {sight.fix.sighting.index: sight for sight in view.landmarks}
-            for track in living:
-                if track.fix is None or track.id <= 0 or not _is_usable(track):
-                    continue
-                i = index[id(track.fix)]
-                if track.id in confirmed:
-                    self._release(track)
-                    taught.append((i, track.id))
-                    sight = surveyed.get(track.fix.sighting.index)
-                    if sight is not None:
-                        smoothing.landmarks.add(sight, track.id, estimator, smoothing.reference)
-                else:
-                    own = sights.select(np.array([i])).with_targets(np.array([track.id]))
-                    before = smoothing.waiting.get(track.id, ())
-                    smoothing.waiting[track.id] = (*before, own)[-MOST_WAITING:]
-            if taught:
-                taught.sort()
-                rows, targets = np.array(taught, np.int64).T
-                estimator.update(sights.select(rows).with_targets(targets))
-        live = {track.id for track in living}
-        smoothing.waiting = {k: each for k, each in smoothing.waiting.items() if k in live}
-        now = s_from_ns(view.boot_ns)
-        if smoothing.pending is None and estimator.is_solve_due(now):
-            task = estimator.start_solve(now)
-            due_s = now + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
-            smoothing.pending = PendingSolve(due_s, self._smoother.solver(task))
-
-    def _release(self, track: LiveTrack) -> None:
-        """Hand over the detections of a track from before its confirmation, and the height of its target."""
-        smoothing = self._smoothing
-        for sights in smoothing.waiting.pop(track.id, ()):
-            smoothing.estimator.update(sights)
+    def _release(self, track: SmoothedTrack) -> None:
+        """Hand over the sightings of a track from before its confirmation, and the height of its target."""
+        estimator, waiting = self._state.estimator, self._state.waiting
+        for sights in waiting[track.id]:
+            estimator.record(sights)
+        waiting[track.id] = ()
         height_m, sigma_m = target_height(track.last_fix, self._priors)
-        if (height_m or sigma_m) and track.id not in smoothing.landmarks.tracks:
-            smoothing.estimator.targets[track.id] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
+        if (height_m or sigma_m) and track.id not in self._state.landmarks.tracks:
+            estimator.targets[track.id] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
 
-    def _rename(self, living: tuple[LiveTrack, ...]) -> None:
-        smoothing = self._smoothing
-        for track in living:
-            for old in track.replaces:
-                if old not in smoothing.renamed:
-                    smoothing.estimator.rename(old, track.id)
-                    smoothing.renamed |= {old}
+    def _forget(self, tracks: Sequence[SmoothedTrack]) -> None:
+        """Delete what belongs to tracks that have ended."""
+        state = self._state
+        for track in tracks:
+            if track.life.state is TrackState.DROPPED:
+                still = state.still.pop(track.id, None)
+                for number in (track.id, *(() if still is None else (still.number,))):
+                    state.waiting.pop(number, None)
+                    state.estimator.drop(number)
+                if not track.confirmed:  # a confirmed one's sightings go on to teach
+                    state.estimator.targets.pop(track.id, None)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
-        reported = super().drop_all(reason, view)
+        state, answers = self._state, self._answers
+        dropped = [msgspec.structs.replace(t.deleted(reason), fix=None, innovation=None) for t in state.tracks]
+        reported = () if answers is None else self._reports(dropped, view, answers)
         self._samples.restart()
-        self._smoothing = self._begin_smoothing()
+        self._state = self._begun(state.next_id)
+        self._state.detector = state.detector
         self._answers = None
         return reported
-
-
-def _is_usable(track: LiveTrack) -> bool:
-    """Whether the smoother may use the track's fix: a world with positions."""
-    return track.fix is not None and not track.fix.sighting.relative
