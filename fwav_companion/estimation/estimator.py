@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from fwav_companion.estimation.answers import (
     parameter_statuses,
 )
 from fwav_companion.estimation.attitudes import Attitudes
+from fwav_companion.estimation.delay_search import delay_starts
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
     CAMERA_DELAY,
@@ -30,7 +31,8 @@ from fwav_companion.estimation.errors import (
 from fwav_companion.estimation.final_places import final_places
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
-from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, thinned
+from fwav_companion.estimation.initiation import meet_under_a_delay
+from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, spread, thinned
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.near_pairs import near_pairs
 from fwav_companion.estimation.path_samples import Carrier
@@ -48,6 +50,7 @@ _SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
 _LEAST_GAP_S = 0.999
 _KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
 _FIRST_FRAMES, _FIRST_SPAN_S = 12, 1.0  # before the first solve, the shorter of the two
+_MEETING = 12  # sightings of a target with which a new one must meet before the first solve
 _EARLY_SEARCHES, _SECOND_SEARCH_S = 2, 3.0
 _SEARCH_GAP_S, REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
 _RIVAL_COST = 9.0  # of a delay's mode above the best one: three sigmas
@@ -160,6 +163,20 @@ class Estimator:
         self.record(s)
         if self.live is not None:
             self.live.refused += len(s)
+
+    def may_be(self, target: int, waiting: Sequence[Sightings], s: Sightings) -> bool:
+        """Whether a sighting (N = 1) may be of a target, before the first solve: under some delay of the search.
+
+        waiting: sightings of the target that solves do not use yet.
+        """
+        if self.solves:
+            return False
+        known = [*([self.kept] if self.kept is not None else []), *self._new, *waiting]
+        known = [own for each in known if len(own := each.select(each.target == target))]
+        if not known:
+            return False
+        delays = np.array([delay for delay, _ in delay_starts(self.model)])
+        return meet_under_a_delay(self.model, self.carrier, spread(joined(known), _MEETING, -np.inf), s, delays)
 
     def track(self, s: Sightings) -> None:
         """Update the live filter's targets by a frame; sightings of new and moving targets are not in solves."""

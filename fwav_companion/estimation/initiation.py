@@ -8,13 +8,13 @@ most detections with the fewest clusters is used; a turn that explains more than
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import rotation_and_jacobian
 from fwav_companion.estimation.errors import CAMERA_DELAY, READOUT, Array, Bools, Ints
-from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.kept_sightings import Sightings, joined
 from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, attitude_shift
@@ -25,6 +25,7 @@ _GATE2 = 9.0  # squared distance of a ground point from its cluster, by the cova
 _CLUSTER_COST = 3.0  # detections that one more cluster must explain
 _TURN_COST = 6.0  # detections by which a turned mount must explain more than the configured one
 _MOST_CLUSTERS = 64
+_MEETING_SHARE = 0.75  # of a target's sights that a delay must let meet
 QUARTER_TURNS_RAD = tuple(np.pi / 2 * k for k in range(4))
 
 
@@ -77,11 +78,11 @@ def cluster(
     back = rotation_and_jacobian(-turn)[0]
     rays = back @ s.rays
     tangents = np.einsum("ian,ba->ibn", s.tangents, back)
-    instants = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT]
-    poses = carrier.poses(instants, carrier.rates(instants), attitude_shift(shared))
+    instants, shift = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT], attitude_shift(shared)
+    poses = carrier.poses(instants, carrier.live_rates(instants, shift), shift)
     ground = float(model.ground.height(poses.position[:2, :1])[0][0])
     place, meets = feet(poses, rays, shared, error[:, None], ground)
-    spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s.row)
+    spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s)
     spread[[0, 1], [0, 1]] += 0.5 * wander_m**2
     clusters = _greedy(place, spread, meets, s.frame)
     explained = sum(len(c.members) for c in clusters)
@@ -91,21 +92,21 @@ def cluster(
 
 def _foot_covariances(
     model: Model, poses: Poses, rays: Array, tangents: Array, shared: Array, covariance: Array, place: Array,
-    ground: float, error: Array, row: Array,
+    ground: float, error: Array, s: Sightings,
 ) -> Array:  # fmt: skip
     """Covariances (2, 2, N) of ground points: the detection's noise, the frame's, and the shared parameters'."""
     point = np.concatenate([place, np.full((1, place.shape[1]), ground)])
-    found = project(poses, rays, tangents, shared, point, error[:, None], row)
-    g = common_noise(found, model.noise)
+    found = project(poses, rays, tangents, shared, point, error[:, None], s.row)
+    g = common_noise(found, model.noise, s.own_noise)
     known = np.tensordot(covariance, found.shared, (1, 1)).swapaxes(0, 1)  # (2, S, N)
-    s = np.einsum("ian,jan->ijn", g, g) + np.einsum("ian,jan->ijn", found.shared, known)
-    s[0, 0] += 1.0
-    s[1, 1] += 1.0
+    noise = np.einsum("ian,jan->ijn", g, g) + np.einsum("ian,jan->ijn", found.shared, known)
+    noise[0, 0] += 1.0
+    noise[1, 1] += 1.0
     j = found.point[:, :2].transpose(2, 0, 1)  # (N, 2, 2)
     regular = np.abs(np.linalg.det(j)) > 1e-9
     inverse = np.zeros_like(j)
     inverse[regular] = np.linalg.inv(j[regular])
-    out = np.einsum("nij,jkn,nlk->iln", inverse, s, inverse)
+    out = np.einsum("nij,jkn,nlk->iln", inverse, noise, inverse)
     out[0, 0, ~regular] = out[1, 1, ~regular] = 1e6
     return np.asarray(out)
 
@@ -160,3 +161,33 @@ def best_clustering(
         shared[CAMERA_DELAY] = delay
         found += [cluster(model, carrier, s, shared, np.diag(variance), np.zeros(3), turn) for turn in turns]
     return max(found, key=lambda c: c.score)
+
+
+def meet_under_a_delay(model: Model, carrier: Carrier, s: Sightings, new: Sightings, delays: Array) -> bool:
+    """Whether a sighting (N = 1) meets those of one target (N) on the ground, under a delay under which they meet.
+
+    delays: (D,) s. Where a vehicle shakes, a delay displaces sights by more than its derivative says: they are outside
+    each other's gates in the live filter, which has one delay, and would begin as many targets.
+    """
+    both, variance = joined([s, new]), model.priors.sigma**2
+    variance[CAMERA_DELAY] = 0.0
+    index = np.tile(np.arange(len(both)), len(delays))
+    late = both.select(index)
+    late = replace(late, t=late.t - np.repeat(delays, len(both)))
+    shared = model.priors.mean.copy()
+    shared[CAMERA_DELAY] = 0.0
+    instants, shift = late.t - late.row * shared[READOUT], attitude_shift(shared)
+    poses = carrier.poses(instants, carrier.live_rates(instants, shift), shift)
+    ground = float(model.ground.height(poses.position[:2, :1])[0][0])
+    place, meets = feet(poses, late.rays, shared, np.zeros((3, 1)), ground)
+    spread = _foot_covariances(
+        model, poses, late.rays, late.tangents, shared, np.diag(variance), place, ground, np.zeros(3), late
+    )
+    places = place.reshape(2, len(delays), -1)  # (2, D, N + 1)
+    spreads = spread.reshape(2, 2, len(delays), -1).transpose(2, 3, 0, 1)  # (D, N + 1, 2, 2)
+    middle = np.median(places[..., :-1], axis=-1)
+    off = (places - middle[..., None]).transpose(1, 2, 0)  # (D, N + 1, 2)
+    both_spreads = spreads + spreads[:, :-1].mean(1)[:, None]
+    distance2 = np.einsum("dni,dni->dn", off, np.linalg.solve(both_spreads, off[..., None])[..., 0])
+    near = (distance2 < _GATE2) & meets.reshape(len(delays), -1)
+    return bool((near[:, -1] & (near[:, :-1].mean(1) >= _MEETING_SHARE)).any())

@@ -229,9 +229,7 @@ class SmoothedTracker:
         tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
         if sights is not None:
             self._teach(view, sights, tracks)
-            if frame.displaced:
-                fixes, numbers = (np.array(column) for column in zip(*sorted(frame.displaced.items()), strict=True))
-                estimator.refuse(sights.select(fixes).with_targets(numbers))
+            self._refuse(sights, frame.displaced, tracks)
         tracks = frame.continued(tracks)
         if taken_over:
             tracks = merged(tracks, estimator)
@@ -348,6 +346,16 @@ class SmoothedTracker:
             rows.sort()
             which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
             estimator.update(sights.select(which).with_targets(targets), teaching)
+
+    def _refuse(self, sights: Sightings, displaced: Mapping[int, int], tracks: Sequence[SmoothedTrack]) -> None:
+        """Keep sightings beyond the gates of their tracks for the solves. ``displaced``: tracks by index of the fix."""
+        state, confirmed = self._state, {track.id for track in tracks if track.confirmed}
+        for fix, number in sorted(displaced.items()):
+            own = sights.select(np.array([fix])).with_targets(np.array([number]))
+            if number in confirmed:
+                state.estimator.refuse(own)
+            elif number in state.waiting:
+                state.waiting[number] = (*state.waiting[number], own)[-MOST_WAITING:]
 
     def _release(self, track: SmoothedTrack) -> None:
         """Hand over the sightings of a track from before its confirmation, and the height of its target."""
