@@ -45,7 +45,7 @@ class Clustering:
     clusters: tuple[Cluster, ...]
     shared: Array  # (S,)
     turn: Array  # (3,) rad, rotation vector by which the configured mount is wrong; zero: it is right
-    score: float  # explained detections minus the costs
+    score: float  # explained detections, each by how well it fits, minus the costs
     places: Array  # (2, N) m ground points of all detections
     meets: Bools  # (N,) which rays meet the ground
 
@@ -85,7 +85,7 @@ def cluster(
     spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s)
     spread[[0, 1], [0, 1]] += 0.5 * wander_m**2
     clusters = _greedy(place, spread, meets, s.frame)
-    explained = sum(len(c.members) for c in clusters)
+    explained = sum(_fit(c, place, spread) for c in clusters)
     score = explained - _CLUSTER_COST * len(clusters) - (_TURN_COST if turn.any() else 0.0)
     return Clustering(tuple(clusters), shared, turn, score, place, meets)
 
@@ -143,6 +143,18 @@ def _greedy(place: Array, spread: Array, meets: Bools, frame: Ints) -> list[Clus
         for m, c, which in zip(means, spreads, members, strict=True)
         if len(np.unique(frame[which])) >= LEAST_FRAMES
     ]
+
+
+def _fit(c: Cluster, place: Array, spread: Array) -> float:
+    """Number of a cluster's detections, each by how well it fits: 1 at the cluster's place, 0 at its gate.
+
+    Gates are as wide as what is not known, and most of that is common to a cluster's detections: wrong hypotheses pass
+    them, too, but scatter more.
+    """
+    off = (place[:, c.members] - c.place[:, None]).T  # (M, 2)
+    both = spread[..., c.members].transpose(2, 0, 1) + c.covariance  # (M, 2, 2)
+    distance2 = np.einsum("mi,mi->m", off, np.linalg.solve(both, off[..., None])[..., 0])
+    return float((1.0 - distance2 / _GATE2).clip(0.0).sum())
 
 
 def best_clustering(
