@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fwav_companion.estimation.answers import CONTRADICTION_SIGMAS
 from fwav_companion.estimation.errors import CAMERA_DELAY, Array
 from fwav_companion.estimation.information import WeightedSightings
 from fwav_companion.estimation.kept_sightings import Sightings, spread
@@ -127,9 +128,15 @@ class _Descent:
         self._state, self._linearised = self._state.plus(step), None
 
     def cost(self) -> float:
-        """Twice a negative log likelihood, up to a constant."""
+        """Twice a negative log likelihood, up to a constant.
+
+        The delay's prior costs no more than where it is contradicted: a configuration may be wrong, and where the
+        shaking is in step with the frames a wrong delay within the prior fits almost as well.
+        """
         projection, weighted = self._linearise()
         deviation = self._problem.deviation(self._state)
+        most = CONTRADICTION_SIGMAS * float(self._problem.model.priors.sigma[CAMERA_DELAY])
+        deviation[CAMERA_DELAY] = min(max(deviation[CAMERA_DELAY], -most), most)
         distance2 = np.where(projection.visible, weighted.distance2, 1e6)
         fit = _COST_SCALE * np.log1p(distance2 / _COST_SCALE).sum()
         return float(fit + deviation @ self._problem.prior(QUICK)[0] @ deviation) + self._log_det
