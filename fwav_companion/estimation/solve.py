@@ -17,7 +17,10 @@ from fwav_companion.estimation.smoother import expected_weights, iterate, likeli
 from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKernel, at_times, place_knots
 from fwav_companion.estimation.whole_flight import even_knots
 
-_FIRST_ITERATIONS, _FIRST_FINE, _ITERATIONS = 3, 6, 2
+_FIRST_ITERATIONS, _FIRST_FINE = 3, 6
+# Most solves end after one or two. Near the ground the picture's scale depends on the height: two would leave it three
+# sigmas from the optimum.
+_ITERATIONS = 4
 _ENOUGH = 0.5  # squared length of a step, in standard deviations, that ends the iterations
 _FAR_S, _FAR_SIGMAS = 0.006, 3.0  # a delay found by a search that is further away restarts the estimate
 
