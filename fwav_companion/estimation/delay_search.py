@@ -52,7 +52,7 @@ def search_delay(
     end = max(float(s.t[-1]), float(s.t[0]) + _KNOT_GAP_S)
     # One kernel, knots far apart and wide weights: only the delay counts here.
     problem = Problem(model, carrier, s, np.arange(float(s.t[0]) - 0.01, end + _KNOT_GAP_S + 0.1, _KNOT_GAP_S))
-    starts = [_Descent(problem, start, gap, known) for start, gap in delay_starts(model)]
+    starts = [_Descent(problem, start, gap, known) for start, gap in _starts(model)]
     for descent in starts:
         descent.step()
         yield
@@ -86,7 +86,7 @@ def _promising(costs: Array) -> list[int]:
     return np.flatnonzero(valley | (costs < costs.min() + _NEAR_COST)).tolist()
 
 
-def delay_starts(model: Model) -> list[tuple[float, float]]:
+def _starts(model: Model) -> list[tuple[float, float]]:
     """Delays to start from, and the gap between them, both s."""
     mean, sigma = float(model.priors.mean[CAMERA_DELAY]), float(model.priors.sigma[CAMERA_DELAY])
     if sigma <= _LEAST_SIGMA_S or model.consider:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from fwav_companion.estimation.answers import (
     parameter_statuses,
 )
 from fwav_companion.estimation.attitudes import Attitudes
-from fwav_companion.estimation.delay_search import delay_starts
 from fwav_companion.estimation.errors import (
     BODY_SHARED,
     CAMERA_DELAY,
@@ -31,28 +30,23 @@ from fwav_companion.estimation.errors import (
 from fwav_companion.estimation.final_places import final_places
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.estimation.ground import GroundSurface, LevelGround, TargetPrior
-from fwav_companion.estimation.initiation import meet_under_a_delay
-from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, spread, thinned
+from fwav_companion.estimation.initiation import filter_before_solves
+from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, thinned
 from fwav_companion.estimation.live_filter import LiveFilter
-from fwav_companion.estimation.near_pairs import near_pairs
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
+from fwav_companion.estimation.solve_schedule import SolveSchedule
 from fwav_companion.estimation.target_answers import reported_motion, target_answers
+from fwav_companion.estimation.target_pairs import near_pairs
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.types.tracks import FinalPlace
 
-# Gaps between solves by the time since the first one, both s: longer ones cost up to 15 % of some kinds' accuracy.
-_SOLVE_GAPS = ((0.0, 1.0), (20.0, 2.0), (40.0, 4.0))
-_LEAST_GAP_S = 0.999
-_KERNELS_FROM_S, _KERNEL_GAPS_S, _EARLY_S = 3.0, (3.0, 10.0), 15.0
 _FIRST_FRAMES, _FIRST_SPAN_S = 12, 1.0  # before the first solve, the shorter of the two
-_MEETING = 12  # sightings of a target with which a new one must meet before the first solve
-_EARLY_SEARCHES, _SECOND_SEARCH_S = 2, 3.0
-_SEARCH_GAP_S, REFUSED_WEIGHT = 10.0, 0.6  # a search after the first is due where the solve refuses this much
+REFUSED_WEIGHT = 0.6  # a search after the first ones is due where the solve refuses this much
 _RIVAL_COST = 9.0  # of a delay's mode above the best one: three sigmas
 _HEIGHT_CHANGE, _LEAST_HEIGHT_M = 0.1, 0.3  # in a descent the picture's scale ages with the height
 _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for a solve
@@ -85,11 +79,10 @@ class Estimator:
         self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
         self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
         self.live: LiveFilter | None = None
-        self.solves = self.searches = 0
+        self.solves = 0
         self._dropped: set[int] = set()
         self._solved: set[int] = set()  # numbers of all targets in any solve, also in one under way
-        self._first_solve: float | None = None
-        self._next_solve = self._next_kernels = self._next_search = self._next_prune = -np.inf
+        self._schedule, self._next_prune = SolveSchedule(), -np.inf
         self._has_new_target = False
         self._solved_height_m = 0.0
         self._answers: tuple[LiveFilter, int, float, dict[int, TargetAnswer]] | None = None
@@ -116,7 +109,7 @@ class Estimator:
     def begin(self, t: float) -> bool:
         """Begin the live filter by the priors, where there is none yet; False while poses are not known."""
         if self.live is None and self.carrier.ready:
-            self.live = LiveFilter.before_solves(self.model, self.carrier, t)
+            self.live = filter_before_solves(self.model, self.carrier, t)
         return self.live is not None
 
     def predict(self, s: Sightings, targets: Ints, alike: Bools) -> FramePrediction | None:
@@ -164,20 +157,6 @@ class Estimator:
         if self.live is not None:
             self.live.refused += len(s)
 
-    def may_be(self, target: int, waiting: Sequence[Sightings], s: Sightings) -> bool:
-        """Whether a sighting (N = 1) may be of a target, before the first solve: under some delay of the search.
-
-        waiting: sightings of the target that solves do not use yet.
-        """
-        if self.solves:
-            return False
-        known = [*([self.kept] if self.kept is not None else []), *self._new, *waiting]
-        known = [own for each in known if len(own := each.select(each.target == target))]
-        if not known:
-            return False
-        delays = np.array([delay for delay, _ in delay_starts(self.model)])
-        return meet_under_a_delay(self.model, self.carrier, spread(joined(known), _MEETING, -np.inf), s, delays)
-
     def track(self, s: Sightings) -> None:
         """Update the live filter's targets by a frame; sightings of new and moving targets are not in solves."""
         live = self.live
@@ -194,6 +173,7 @@ class Estimator:
         other.live = None if self.live is None else self.live.copy()
         other._whole_flight = None if self._whole_flight is None else self._whole_flight.copy()
         other._solved, other._dropped = set(self._solved), set(self._dropped)
+        other._schedule = copy.copy(self._schedule)
         return other
 
     def rename(self, old: int, new: int) -> None:
@@ -229,12 +209,11 @@ class Estimator:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
         if not self._new or not self.carrier.ready:
             return False
-        if not self.solves:
-            return self._is_first_solve_due()
-        if now >= self._next_solve - 1e-9:
-            return True
-        if now < self.estimate.t + _LEAST_GAP_S:
-            return False
+        if not self.solves:  # the first search needs sightings enough to tell delays apart
+            span = abs(float(self._new[-1].t[-1] - self._new[0].t[0]))
+            return len(self._new) >= _FIRST_FRAMES or span >= _FIRST_SPAN_S
+        if self._schedule.is_due(now) or not self._schedule.may_be_early(now):
+            return self._schedule.is_due(now)
         change = abs(self._height(now) - self._solved_height_m)
         if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M) or self._has_new_target:
             return True
@@ -245,11 +224,6 @@ class Estimator:
         surprised = live.surprise > _SURPRISE * max(live.used, 1)
         return seen > 10 and (surprised or live.refused > 0.5 * seen)
 
-    def _is_first_solve_due(self) -> bool:
-        """Whether the first search has sightings enough to tell delays apart; the priors' filter answers meanwhile."""
-        span = float(self._new[-1].t[-1] - self._new[0].t[0])
-        return len(self._new) >= _FIRST_FRAMES or abs(span) >= _FIRST_SPAN_S
-
     def start_solve(self, now: float) -> SolveTask:
         """A snapshot for a solve at the instant `now`; adopt its estimate later."""
         s = joined([*([self.kept] if self.kept is not None else []), *self._new])
@@ -257,26 +231,16 @@ class Estimator:
         self.kept = s = thinned(in_order(s), now, self._budget)
         self._path.settle()
         self._prune(now, s)
-        first = self.estimate.small is None
-        since = now - (self._first_solve if self._first_solve is not None else now)
-        # The first search sees few sightings; one more when they are some seconds apart, later only when needed.
-        early = self.searches < _EARLY_SEARCHES and since >= _SECOND_SEARCH_S
-        search = first or early or (self._is_doubtful() and now >= self._next_search)
-        if self._first_solve is None:
-            self._first_solve = now
-        compare = self.model.noise.position_wander_m > 0 and not self.model.consider
-        compare = compare and since >= _KERNELS_FROM_S and now >= self._next_kernels
-        if compare:
-            self._next_kernels = now + _KERNEL_GAPS_S[0 if since < _EARLY_S else 1]
-        if search:
-            self._next_search, self.searches = now + _SEARCH_GAP_S, self.searches + 1
-        self._next_solve = now + [gap for start, gap in _SOLVE_GAPS if since >= start][-1]
+        wanders = self.model.noise.position_wander_m > 0 and not self.model.consider
+        parts = self._schedule.start(
+            now, first=self.estimate.small is None, wanders=wanders, is_doubtful=self._is_doubtful
+        )
         self._has_new_target = False
         self._solved.update(np.unique(s.target).tolist())
         self._replayed.clear()
         model = replace(self.model, targets=dict(self.targets))  # later landmarks are not this solve's
         solved = best_seen(s, SOLVED_TARGETS)
-        return SolveTask(now, model, self.carrier.copy(), solved, self.estimate, search, compare)
+        return SolveTask(now, model, self.carrier.copy(), solved, self.estimate, *parts)
 
     def _is_doubtful(self) -> bool:
         """Whether the last solve refuses many sightings, contradicts the configuration, or has a rival."""
@@ -355,12 +319,9 @@ class Estimator:
 
     def self_calibration(self) -> tuple[ParameterStatus, ...]:
         """Status of every shared parameter, by the live posterior."""
-        priors, live = self.model.priors, self.live
-        if live is None or not self.solves:
-            return parameter_statuses(priors, priors.mean, priors.sigma, consider=self.model.consider)
-        size = len(priors)
-        sigma = np.sqrt(live.covariance.diagonal()[:size])
-        return parameter_statuses(priors, live.mean[:size], sigma, consider=self.model.consider)
+        priors, (mean, covariance) = self.model.priors, self._posterior()
+        size, consider = len(priors), self.model.consider
+        return parameter_statuses(priors, mean[:size], np.sqrt(covariance.diagonal()[:size]), consider=consider)
 
     def camera_tilt(self) -> tuple[ParameterStatus, ParameterStatus]:
         """Rotation about the carrier's x and y axes by which the camera is wrong in all: mount and attitude together.
@@ -368,14 +329,17 @@ class Estimator:
         A constant tilt of the attitude turns the camera as the mount does. Only another bank or heading parts the two;
         their sum is what places targets.
         """
-        priors, live = self.model.priors, self.live
-        mean, covariance = priors.mean, np.diag(priors.sigma**2)
-        if live is not None and self.solves:
-            mean, covariance = live.mean, live.covariance
-        return camera_tilt(priors, mean, covariance)
+        return camera_tilt(self.model.priors, *self._posterior())
 
     def stored(self) -> tuple[Array, Array]:
         """Means and sigmas (12,) for the next flight's priors, NaN before the first solve."""
-        if self.live is None or not self.solves:
+        if not self.solves:
             return np.full(BODY_SHARED, np.nan), np.full(BODY_SHARED, np.nan)
-        return self.live.mean[:BODY_SHARED].copy(), np.sqrt(self.live.covariance.diagonal()[:BODY_SHARED])
+        mean, covariance = self._posterior()
+        return mean[:BODY_SHARED].copy(), np.sqrt(covariance.diagonal()[:BODY_SHARED])
+
+    def _posterior(self) -> tuple[Array, Array]:
+        """Mean and covariance of the shared parameters, first of all unknowns; the priors' before the first solve."""
+        if self.live is None or not self.solves:
+            return self.model.priors.mean, np.diag(self.model.priors.sigma**2)
+        return self.live.mean, self.live.covariance

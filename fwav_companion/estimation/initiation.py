@@ -1,4 +1,4 @@
-"""Initiation of targets: clusters of the ground points of detections that no target explains.
+"""Initiation of targets: by one sighting, and by clusters of the ground points of detections that no target explains.
 
 Before the first solve there is no calibration: clusters are formed for every start of the delay's bank, and for mounts
 that are wrong by quarter turns (an image that is rotated, a camera that is turned round). The hypothesis that explains
@@ -8,25 +8,77 @@ most detections with the fewest clusters is used; a turn that explains more than
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import rotation_and_jacobian
 from fwav_companion.estimation.errors import CAMERA_DELAY, READOUT, Array, Bools, Ints
-from fwav_companion.estimation.kept_sightings import Sightings, joined
+from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
-from fwav_companion.estimation.problem import Model, attitude_shift
+from fwav_companion.estimation.problem import Model, attitude_shift, error_processes, in_solution
 from fwav_companion.estimation.smoother import common_noise
+from fwav_companion.estimation.wander import SMOOTH
 
 LEAST_FRAMES = 4  # of a cluster that is a target
 _GATE2 = 9.0  # squared distance of a ground point from its cluster, by the covariance of both
 _CLUSTER_COST = 3.0  # detections that one more cluster must explain
 _TURN_COST = 6.0  # detections by which a turned mount must explain more than the configured one
 _MOST_CLUSTERS = 64
-_MEETING_SHARE = 0.75  # of a target's sights that a delay must let meet
+_CURVED = 2  # unknowns of the delay's displacements beyond its derivative
+_SEARCHED_S, _SEARCHED_SIGMAS, _REACH_SIGMAS = 0.08, 8.0, 2.5  # of the delay's first search
+_LEAST_DETERMINANT = 1e-9  # of the derivative by a place: a smaller one has no inverse
 QUARTER_TURNS_RAD = tuple(np.pi / 2 * k for k in range(4))
+
+
+def filter_before_solves(model: Model, carrier: Carrier, t: float) -> LiveFilter:
+    """The live filter by the priors alone, without targets.
+
+    The delay may be as far off as the first search will look: else its sightings of one target would not meet.
+    """
+    wanders = in_solution(error_processes(model, carrier, SMOOTH), carrier, t)
+    level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
+    mean = np.concatenate([model.priors.mean, np.zeros(_CURVED + 3)])
+    sigma = model.priors.sigma.copy()
+    if not model.consider:
+        reach = min(_SEARCHED_S, _SEARCHED_SIGMAS * float(sigma[CAMERA_DELAY]))
+        sigma[CAMERA_DELAY] = max(float(sigma[CAMERA_DELAY]), reach / _REACH_SIGMAS)
+    variance = np.concatenate([sigma**2, np.ones(_CURVED), [level, level, up]])
+    return LiveFilter(model, carrier, wanders, t, mean, np.diag(variance), np.zeros(0, np.int64), curved=_CURVED)
+
+
+def begin_target(live: LiveFilter, target: int, s: Sightings, *, moving: bool) -> bool:
+    """Begin a target from one sighting (N = 1) at the present calibration; False where its ray has no foot.
+
+    The place is the ground point; its error is that of the detection and of all that the base state does not know.
+    """
+    model, one, error = live.model, np.zeros(1, np.int64), live.mean[live.error :, None]
+    poses, prior = live.poses(s, one), model.target(target)
+    place = poses.position[:2]
+    for _ in range(2):
+        ground = float(model.ground.height(place)[0][0])
+        place, meets = feet(poses, s.rays, live.mean[: live.size], error, ground + prior.height_m)
+    if not meets[0]:
+        return False
+    ground_height, slope = model.ground.height(place)
+    point = np.append(place[:, 0], ground_height + prior.height_m)[:, None]
+    found, h = live.linearised(s, one, point)
+    own = found.point[..., 0].copy()
+    own[:, :2] += found.point[:, 2:, 0] * slope[:, 0]
+    if not found.visible[0] or abs(np.linalg.det(own[:, :2])) < _LEAST_DETERMINANT:
+        return False
+    g = common_noise(found, model.noise, s.own_noise)[..., 0]
+    noise = g @ g.T + np.eye(2)
+    if s.own_noise is not None:
+        moved = found.point[..., 0] * s.own_noise[[1, 1, 2], 0]
+        noise += moved @ moved.T
+    mean = np.array([point[0, 0], point[1, 0], prior.height_m])
+    variance = prior.precision()[2] ** -1.0
+    live.others.begin(target, mean, own, h[..., 0], live.covariance, noise, variance, moving=moving)
+    live.version += 1
+    return True
 
 
 @dataclass(frozen=True)
@@ -173,33 +225,3 @@ def best_clustering(
         shared[CAMERA_DELAY] = delay
         found += [cluster(model, carrier, s, shared, np.diag(variance), np.zeros(3), turn) for turn in turns]
     return max(found, key=lambda c: c.score)
-
-
-def meet_under_a_delay(model: Model, carrier: Carrier, s: Sightings, new: Sightings, delays: Array) -> bool:
-    """Whether a sighting (N = 1) meets those of one target (N) on the ground, under a delay under which they meet.
-
-    delays: (D,) s. Where a vehicle shakes, a delay displaces sights by more than its derivative says: they are outside
-    each other's gates in the live filter, which has one delay, and would begin as many targets.
-    """
-    both, variance = joined([s, new]), model.priors.sigma**2
-    variance[CAMERA_DELAY] = 0.0
-    index = np.tile(np.arange(len(both)), len(delays))
-    late = both.select(index)
-    late = replace(late, t=late.t - np.repeat(delays, len(both)))
-    shared = model.priors.mean.copy()
-    shared[CAMERA_DELAY] = 0.0
-    instants, shift = late.t - late.row * shared[READOUT], attitude_shift(shared)
-    poses = carrier.poses(instants, carrier.live_rates(instants, shift), shift)
-    ground = float(model.ground.height(poses.position[:2, :1])[0][0])
-    place, meets = feet(poses, late.rays, shared, np.zeros((3, 1)), ground)
-    spread = _foot_covariances(
-        model, poses, late.rays, late.tangents, shared, np.diag(variance), place, ground, np.zeros(3), late
-    )
-    places = place.reshape(2, len(delays), -1)  # (2, D, N + 1)
-    spreads = spread.reshape(2, 2, len(delays), -1).transpose(2, 3, 0, 1)  # (D, N + 1, 2, 2)
-    middle = np.median(places[..., :-1], axis=-1)
-    off = (places - middle[..., None]).transpose(1, 2, 0)  # (D, N + 1, 2)
-    both_spreads = spreads + spreads[:, :-1].mean(1)[:, None]
-    distance2 = np.einsum("dni,dni->dn", off, np.linalg.solve(both_spreads, off[..., None])[..., 0])
-    near = (distance2 < _GATE2) & meets.reshape(len(delays), -1)
-    return bool((near[:, -1] & (near[:, :-1].mean(1) >= _MEETING_SHARE)).any())

@@ -12,6 +12,7 @@ moves when the rest moves, and does not teach. The cost is linear in their numbe
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Set
 from dataclasses import replace
 
@@ -21,33 +22,35 @@ from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, READO
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, pair_distances
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.measurement import Poses, feet, project
+from fwav_companion.estimation.measurement import Poses, Projection, project
 from fwav_companion.estimation.path_samples import Carrier
-from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift, error_processes
+from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift, in_solution
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import SMOOTH, Wander, step_variance
+from fwav_companion.estimation.wander import SHORT_S, Wander, aged, step_variance
 
 TEACHING = 10  # targets whose sightings update the error and each other
 _ONE_INSTANT_S = 1e-6
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
-_SHORT_S = 0.5  # gap up to which the error is a random walk
-_SEARCHED_S, _SEARCHED_SIGMAS, _REACH_SIGMAS = 0.08, 8.0, 2.5  # of the delay's first search
-_LEAST_DETERMINANT = 1e-9  # of the derivative by a place: a smaller one has no inverse
+_REACH_SIGMAS = math.sqrt(3.0)  # nodes of the Gauss-Hermite quadrature with three points; each outer one weighs a sixth
 
 
 class LiveFilter:
-    """State: shared (S), teaching targets (3 each), error now (3); other targets apart."""
+    """State: shared (S), teaching targets (3 each), the delay's curvature (0 or 2), error now (3); others apart."""
 
     def __init__(
         self, model: Model, carrier: Carrier, wanders: tuple[Wander, Wander], t: float, mean: Array, covariance: Array,
-        ids: Ints,
+        ids: Ints, *, curved: int = 0,
     ) -> None:  # fmt: skip
-        """Mean (n,) and covariance (n, n) of shared, targets in the order of `ids`, error; the first ten teach."""
+        """Mean (n,) and covariance (n, n) of shared, targets in the order of `ids`, error; the first ten teach.
+
+        curved: 2 unknowns before the error, where the delay is too uncertain for its derivative (`linearised`); else 0.
+        """
         self.model, self.carrier, self.t = model, carrier, t
         self.size = len(model.priors)
         taught = ids[:TEACHING]
-        base = np.concatenate([np.arange(self.size + TARGET_SIZE * len(taught)), np.arange(len(mean) - 3, len(mean))])
+        self.curved, end = curved, np.arange(len(mean) - 3 - curved, len(mean))
+        base = np.concatenate([np.arange(self.size + TARGET_SIZE * len(taught)), end])
         self.mean, self.covariance = mean[base], covariance[np.ix_(base, base)]
         self.at = {k: self.size + TARGET_SIZE * i for i, k in enumerate(taught.tolist())}
         self.error = len(base) - 3
@@ -57,32 +60,16 @@ class LiveFilter:
         self.others = SchmidtTargets.of_solve(
             others, mean[rows], covariance[rows[:, :, None], rows[:, None, :]], covariance[rows[:, :, None], base]
         )
-        self._wander_as(_by_solution(wanders, carrier, t))
+        self._wander_as(in_solution(wanders, carrier, t))
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
-        self._pose: tuple[float, Poses] | None = None
         self.version = 0  # grows with every change of means or covariances
+        self._pose: tuple[float, Poses] | None = None
 
     def _wander_as(self, wanders: tuple[Wander, Wander]) -> None:
         self.wanders = wanders
         level, up = (w.growth() for w in wanders)
         self.growth = np.array([level, level, up])  # m^2/s
-
-    @classmethod
-    def before_solves(cls, model: Model, carrier: Carrier, t: float) -> LiveFilter:
-        """The filter by the priors alone, without targets.
-
-        The delay may be as far off as the first search will look: else its sightings of one target would not meet.
-        """
-        wanders = _by_solution(error_processes(model, carrier, SMOOTH), carrier, t)
-        level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
-        mean = np.concatenate([model.priors.mean, np.zeros(3)])
-        sigma = model.priors.sigma.copy()
-        if not model.consider:
-            reach = min(_SEARCHED_S, _SEARCHED_SIGMAS * float(sigma[CAMERA_DELAY]))
-            sigma[CAMERA_DELAY] = max(float(sigma[CAMERA_DELAY]), reach / _REACH_SIGMAS)
-        variance = np.concatenate([sigma**2, [level, level, up]])
-        return cls(model, carrier, wanders, t, mean, np.diag(variance), np.zeros(0, np.int64))
 
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
@@ -105,14 +92,16 @@ class LiveFilter:
             self._pose = t, self.carrier.pose(t - float(shared[CAMERA_DELAY]), attitude_shift(shared))
         return self._pose[1]
 
-    def poses(self, s: Sightings, detection: Ints) -> Poses:
-        """Poses of a frame's detections (M,): one pose, or with a rolling shutter that of each detection's row."""
+    def poses(self, s: Sightings, detection: Ints, later_s: float = 0.0) -> Poses:
+        """Poses of a frame's detections (M,): one pose, or with a rolling shutter that of each detection's row.
+
+        later_s: delay of the camera beyond the estimated one.
+        """
         shared = self.mean[: self.size]
         t = s.t - s.row * float(shared[READOUT])
-        if t.max() - t.min() < _ONE_INSTANT_S:
+        if t.max() - t.min() < _ONE_INSTANT_S and not later_s:
             return self.pose(float(t[0]))
-        t -= float(shared[CAMERA_DELAY])
-        shift = attitude_shift(shared)
+        t, shift = t - float(shared[CAMERA_DELAY]) - later_s, attitude_shift(shared)
         return self.carrier.poses(t, self.carrier.live_rates(t, shift), shift).take(detection)
 
     def target_means(self, targets: Ints) -> Array:
@@ -127,9 +116,9 @@ class LiveFilter:
         """Age the error to the time t."""
         if t <= self.t:
             return
-        keep, added = self.aging(t - self.t)
+        keep, added = aged(self.wanders, self.growth, t - self.t)
         e = self._errors
-        if t - self.t >= _SHORT_S:
+        if t - self.t >= SHORT_S:
             self.mean[e] *= keep
             self.covariance[e] *= keep[:, None]
             self.covariance[:, e] *= keep
@@ -137,9 +126,7 @@ class LiveFilter:
         self.covariance[e, e] += added
         self._change_solution(t)
         self.version += 1
-        for b in self.carrier.path.breaks:
-            if self.t < b.after <= t:
-                self.covariance[e, e] += step_variance(b)
+        self.covariance[e, e] += sum(step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t)
         self.others.predict(t - self.t)
         self.t = t
 
@@ -160,52 +147,6 @@ class LiveFilter:
         self.others.cross[:, :, e] *= keep
         self.covariance[e, e] += common * (1.0 - keep) + new**2 - common
         self._wander_as((replace(self.wanders[0], sigma_m=new), self.wanders[1]))
-
-    def aging(self, dt: float) -> tuple[Array, Array]:
-        """Factor (3,) on the error and variance (3,) added after dt seconds without a sighting.
-
-        From frame to frame a random walk with the growth over half a second. After a gap the mean fades and the
-        variance grows as the kernel says: a walk that is right from frame to frame is too slow for wanders with a
-        finite rate.
-        """
-        if dt < _SHORT_S:
-            return np.ones(3), self.growth * max(dt, 0.0)
-        (a, b), (c, d) = (w.covariance(np.array([0.0, dt])).tolist() for w in self.wanders)
-        start, later = np.array([a, a, c]), np.array([b, b, d])
-        start = np.maximum(start, 1e-12)
-        return later / start, np.maximum(start - later * later / start, self.growth * _SHORT_S)
-
-    def begin(self, target: int, s: Sightings, *, moving: bool) -> bool:
-        """Begin a target from one sighting (N = 1) at the present calibration; False where its ray has no foot.
-
-        The place is the ground point; its error is that of the detection and of all that the base state does not know.
-        """
-        poses, shared, error = self.poses(s, np.zeros(1, np.int64)), self.mean[: self.size], self.mean[self._errors]
-        prior, place = self.model.target(target), poses.position[:2]
-        for _ in range(2):
-            ground = float(self.model.ground.height(place)[0][0])
-            place, meets = feet(poses, s.rays, shared, error[:, None], ground + prior.height_m)
-        if not meets[0]:
-            return False
-        ground_height, slope = self.model.ground.height(place)
-        point = np.append(place[:, 0], ground_height + prior.height_m)[:, None]
-        found = project(poses, s.rays, s.tangents, shared, point, error[:, None], s.row)
-        own = found.point[..., 0].copy()
-        own[:, :2] += found.point[:, 2:, 0] * slope[:, 0]
-        if not found.visible[0] or abs(np.linalg.det(own[:, :2])) < _LEAST_DETERMINANT:
-            return False
-        h = np.zeros((2, len(self.mean)))
-        h[:, : self.size], h[:, self.error :] = found.shared[..., 0], found.point[..., 0]
-        g = common_noise(found, self.model.noise, s.own_noise)[..., 0]
-        noise = g @ g.T + np.eye(2)
-        if s.own_noise is not None:
-            moved = found.point[..., 0] * s.own_noise[[1, 1, 2], 0]
-            noise += moved @ moved.T
-        mean = np.array([point[0, 0], point[1, 0], prior.height_m])
-        variance = prior.precision()[2] ** -1.0
-        self.others.begin(target, mean, own, h, self.covariance, noise, variance, moving=moving)
-        self.version += 1
-        return True
 
     def take_over(self, before: LiveFilter, dropped: Set[int] = frozenset()) -> None:
         """Take over the targets that an earlier filter holds and this one does not, moved by what is now known better.
@@ -245,47 +186,13 @@ class LiveFilter:
         elif old in self.at:
             self.at = {(new if k == old else k): i for k, i in self.at.items() if k != new}
 
-    def separation2(self, one: int, other: int) -> tuple[float, float]:
-        """Squared Mahalanobis distance of two targets, and the trace of their difference's covariance, m^2.
-
-        The errors that both share cancel: two targets may be far nearer to each other than each to its place.
-        """
-        (a, aa, _, _), (b, bb, _, _) = self.state(one), self.state(other)
-        cross = self.between(one, other)[:2, :2]
-        covariance = aa[:2, :2] + bb[:2, :2] - cross - cross.T
-        difference = a[:2] - b[:2]
-        return float(difference @ np.linalg.solve(covariance, difference)), float(np.trace(covariance))
-
-    def between(self, one: int, other: int) -> Array:
-        """Covariance (3, 3) of two targets; what two Schmidt targets have in common is what the base state explains."""
-        if one in self.at:
-            i = self.at[one]
-            return np.asarray(self.cross(other)[:, i : i + TARGET_SIZE].T)
-        if other in self.at:
-            i = self.at[other]
-            return np.asarray(self.cross(one)[:, i : i + TARGET_SIZE])
-        gain = self.others.gains(np.array([self.others.at[one]]), self.covariance)[0]
-        return np.asarray(gain @ self.cross(other).T)
-
     def innovations(self, s: Sightings, detection: Ints, targets: Ints) -> tuple[FramePrediction, Array, Array]:
         """Pairs (M,) of detections and targets; their rows (2 M, n) of the base state, and (2, 3, M) of the targets."""
-        m, x = len(targets), self.mean
-        mean = self.target_means(targets)
+        m, mean = len(targets), self.target_means(targets)
         ground, slope = self.model.ground.height(mean[:2])
         point = np.stack([mean[0], mean[1], mean[2] + ground])
-        rays, tangents = s.rays.take(detection, -1), s.tangents.take(detection, -1)
-        found = project(
-            self.poses(s, detection),
-            rays,
-            tangents,
-            x[: self.size],
-            point,
-            x[self._errors, None],
-            s.row.take(detection),
-        )
-        h = np.zeros((2, m, len(x)))
-        h[..., : self.size] = found.shared.swapaxes(1, 2)
-        h[..., self.error :] = found.point.swapaxes(1, 2)
+        found, h = self.linearised(s, detection, point)
+        h = h.swapaxes(1, 2)  # (2, M, n)
         own = found.point.copy()
         own[:, :2] += found.point[:, 2:] * slope
         for i, k in enumerate(targets.tolist()):
@@ -305,6 +212,24 @@ class LiveFilter:
         prediction = FramePrediction(detection, targets, residual, covariance, distance2, log_det, found.visible)
         return prediction, rows, own
 
+    def linearised(self, s: Sightings, detection: Ints, point: Array) -> tuple[Projection, Array]:
+        """Detections (M,) of a frame at points (3, M): the projection, and derivatives (2, n, M) by the base state."""
+        rays, tangents, row = s.rays.take(detection, -1), s.tangents.take(detection, -1), s.row.take(detection)
+        shared, error = self.mean[: self.size], self.mean[self._errors, None]
+        found = project(self.poses(s, detection), rays, tangents, shared, point, error, row)
+        h = np.zeros((2, len(self.mean), len(detection)))
+        h[:, : self.size], h[:, self.error :] = found.shared, found.point
+        if self.curved:
+            # A delay's displacements (2, M) beyond its derivative: over one beat of a shaking vehicle they are as large
+            # as what the derivative says. Even and odd in the delay, each with a variance of one.
+            reach, beyond = _REACH_SIGMAS * float(self.covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5, []
+            for later in (reach, -reach):
+                there = project(self.poses(s, detection, later), rays, tangents, shared, point, error, row)
+                off = found.residual - there.residual - later * found.shared[:, CAMERA_DELAY]
+                beyond.append(np.where(there.visible & found.visible, off, 0.0) * (0.5 / _REACH_SIGMAS))
+            h[:, self.error - 2], h[:, self.error - 1] = beyond[0] + beyond[1], beyond[0] - beyond[1]
+        return found, h
+
     def _add_others(self, covariance: Array, h: Array, own: Array, targets: Ints) -> None:
         """Add what Schmidt targets contribute to the innovation covariance (2 M, 2 M), in place."""
         index = np.array([i for i, k in enumerate(targets.tolist()) if k in self.others.at], np.int64)
@@ -313,8 +238,7 @@ class LiveFilter:
         o = np.array([self.others.at[int(k)] for k in targets[index]], np.int64)
         rows = np.stack([index, index + len(targets)], 1)  # (P, 2)
         seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
-        cross = self.others.cross[o, :TARGET_SIZE]  # (P, 3, n)
-        by_base = seen @ cross  # (P, 2, n)
+        by_base = seen @ self.others.cross[o, :TARGET_SIZE]  # (P, 2, n)
         flat = rows.ravel()
         carried = by_base.reshape(len(flat), -1) @ h.T  # (2 P, 2 M)
         covariance[flat] += carried
@@ -331,13 +255,12 @@ class LiveFilter:
     def update(self, s: Sightings) -> None:
         """Take one frame whose detections have targets that the filter knows."""
         self.predict(float(s.t[0]))
-        margin = BREAK_MARGIN_S
-        if any(b.before - margin < self.t < b.after + margin for b in self.carrier.path.breaks):
+        early, late = self.t - BREAK_MARGIN_S, self.t + BREAK_MARGIN_S
+        if any(b.before < late and early < b.after for b in self.carrier.path.breaks):
             return
         self._update_by_range()
         teaches = np.array([k in self.at for k in s.target.tolist()], np.bool_)
-        for which, update in ((teaches, self._update_base), (~teaches, self._update_others)):
-            index = np.flatnonzero(which)
+        for index in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
             if not len(index):
                 continue
             found, h, own = self.innovations(s, index, s.target[index])
@@ -345,14 +268,14 @@ class LiveFilter:
             self.used += int(use.sum())
             self.refused += int((~use).sum())
             self.surprise += float(found.distance2[use].sum())
-            if use.any():
-                self.version += 1
-                update(found, h, own, np.flatnonzero(use))
-
-    def _update_base(self, found: FramePrediction, h: Array, own: Array, use: Ints) -> None:
-        del own
-        rows = found.rows(use)
-        self._correct(h[rows], found.covariance[np.ix_(rows, rows)], found.residual[rows])
+            if not use.any():
+                continue
+            self.version += 1
+            if teaches[index[0]]:
+                rows = found.rows(np.flatnonzero(use))
+                self._correct(h[rows], found.covariance[np.ix_(rows, rows)], found.residual[rows])
+            else:
+                self._update_others(found, h, own, np.flatnonzero(use))
 
     def _update_by_range(self) -> None:
         """Take the newest reading of a rangefinder, at most a few in a second: they see the same ground again."""
@@ -418,17 +341,9 @@ class LiveFilter:
 
     def vehicle_rows(self, t: float, velocity: Array) -> tuple[Array, Array]:
         """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
-        keep, added = self.aging(t - self.t)
+        keep, added = aged(self.wanders, self.growth, t - self.t)
         added = added + sum(step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t)
         a = np.zeros((3, len(self.mean)))
         a[np.arange(3), self._errors] = keep
         a[:, POSITION_DELAY] = -velocity
         return a, added
-
-
-def _by_solution(wanders: tuple[Wander, Wander], carrier: Carrier, t: float) -> tuple[Wander, Wander]:
-    """Processes of the error in the receiver's solution at t."""
-    if not carrier.path.accuracies:
-        return wanders
-    sigma_m = float(carrier.path.accuracy_at(np.array([t]))[1][0])
-    return replace(wanders[0], sigma_m=sigma_m), wanders[1]

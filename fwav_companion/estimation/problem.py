@@ -7,7 +7,7 @@ of each knot).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -259,3 +259,11 @@ def error_processes(model: Model, carrier: Carrier, kernel: WanderKernel) -> tup
     best_m = min((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
     level = Wander(best_m, times, kernel, left.level)
     return level, Wander(noise.height_wander_m, times, kernel, left.up)
+
+
+def in_solution(wanders: tuple[Wander, Wander], carrier: Carrier, t: float) -> tuple[Wander, Wander]:
+    """Processes of the error in the receiver's solution at t, by those of its best one."""
+    if not carrier.path.accuracies:
+        return wanders
+    sigma_m = float(carrier.path.accuracy_at(np.array([t]))[1][0])
+    return replace(wanders[0], sigma_m=sigma_m), wanders[1]

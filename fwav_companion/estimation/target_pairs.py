@@ -1,10 +1,11 @@
-"""Pairs of a frame's detections and targets that may belong together, before their joint covariance is computed."""
+"""Pairs by the live filter: detections and targets that may belong together, and how far two targets are apart."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Bools, Ints
+from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.measurement import feet
@@ -36,3 +37,27 @@ def _ground_points(live: LiveFilter, s: Sightings) -> Array:
     ground = live.model.ground.height(poses.position[:2])[0]
     place, _ = feet(poses, s.rays, shared, error, float(ground.mean()))
     return place
+
+
+def separation2(live: LiveFilter, one: int, other: int) -> tuple[float, float]:
+    """Squared Mahalanobis distance of two targets, and the trace of their difference's covariance, m^2.
+
+    The errors that both share cancel: two targets may be far nearer to each other than each to its place.
+    """
+    (a, aa, _, _), (b, bb, _, _) = live.state(one), live.state(other)
+    cross = _between(live, one, other)[:2, :2]
+    covariance = aa[:2, :2] + bb[:2, :2] - cross - cross.T
+    difference = a[:2] - b[:2]
+    return float(difference @ np.linalg.solve(covariance, difference)), float(np.trace(covariance))
+
+
+def _between(live: LiveFilter, one: int, other: int) -> Array:
+    """Covariance (3, 3) of two targets; what two Schmidt targets have in common is what the base state explains."""
+    if one in live.at:
+        i = live.at[one]
+        return np.asarray(live.cross(other)[:, i : i + TARGET_SIZE].T)
+    if other in live.at:
+        i = live.at[other]
+        return np.asarray(live.cross(one)[:, i : i + TARGET_SIZE])
+    gain = live.others.gains(np.array([live.others.at[one]]), live.covariance)[0]
+    return np.asarray(gain @ live.cross(other).T)

@@ -41,6 +41,7 @@ def variance_shares(live: LiveFilter | None, target: int) -> dict[str, float]:
         return {}
     (_, own), cross, error = live.place(target), live.cross(target), live.error
     causes = {cause: [i for i in index if i < live.size] for cause, index in CAUSES.items()}
+    causes["time"] += range(error - live.curved, error)
     causes |= {"position": [error, error + 1], "height": [HEIGHT, error + 2]}
     shares = {
         cause: _lost(own, cross[:, index], live.covariance[np.ix_(index, index)]) for cause, index in causes.items()

@@ -34,6 +34,7 @@ KERNELS: Final = (
 _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the wander, too
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
+SHORT_S = 0.5  # gap up to which the error is a random walk
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
 
@@ -78,8 +79,8 @@ class Wander:
 
     def growth(self) -> float:
         """Process noise (m^2/s) of the random walk that grows like this over half a second."""
-        start, later = self.covariance(np.array([0.0, 0.5])).tolist()
-        return float(4.0 * (start - later))
+        start, later = self.covariance(np.array([0.0, SHORT_S])).tolist()
+        return float(2.0 * (start - later) / SHORT_S)
 
     def bridge(self, gap: Array, part: Array) -> Array:
         """Variance (m^2) about the straight line between two knots, at the fraction `part` of the gap (s).
@@ -115,6 +116,20 @@ class Wander:
         root = np.linalg.cholesky(covariance)
         inverse = np.linalg.inv(root)
         return inverse.T @ inverse, 2.0 * float(np.log(np.diag(root)).sum())
+
+
+def aged(wanders: tuple[Wander, Wander], growth: Array, dt: float) -> tuple[Array, Array]:
+    """Factor (3,) on the error and variance (3,) added after dt seconds without a sighting; growth: (3,) m^2/s.
+
+    From frame to frame a random walk with the growth over half a second. After a gap the mean fades and the variance
+    grows as the kernel says: a walk that is right from frame to frame is too slow for wanders with a finite rate.
+    """
+    if dt < SHORT_S:
+        return np.ones(3), growth * max(dt, 0.0)
+    (a, b), (c, d) = (w.covariance(np.array([0.0, dt])).tolist() for w in wanders)
+    start, later = np.array([a, a, c]), np.array([b, b, d])
+    start = np.maximum(start, 1e-12)
+    return later / start, np.maximum(start - later * later / start, growth * SHORT_S)
 
 
 def step_variance(b: PathBreak) -> float:

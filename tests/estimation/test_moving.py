@@ -6,6 +6,7 @@ from simulated_flight import Flight, path
 
 from fwav_companion.estimation.errors import priors
 from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.initiation import begin_target
 
 WALKER = 2
 
@@ -21,7 +22,7 @@ def walked(monkeypatch):
     def apart(self, s):
         if self.begin(float(s.t[0])) and WALKER in s.target and WALKER not in self.live:
             self.live.predict(float(s.t[0]))
-            self.live.begin(WALKER, s.select(s.target == WALKER), moving=True)
+            begin_target(self.live, WALKER, s.select(s.target == WALKER), moving=True)
         else:
             update(self, s, s.target != WALKER)
 

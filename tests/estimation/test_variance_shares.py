@@ -20,6 +20,7 @@ class LiveStub:
     covariance: np.ndarray
     size: int = BODY_SHARED
     error: int = E
+    curved: int = 0
 
     def __contains__(self, target):
         return target == 4

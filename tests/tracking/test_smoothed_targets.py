@@ -53,6 +53,23 @@ def test_claims_hold_before_the_first_solve():
         assert np.sqrt(track.cov[0][0]) < 3.0
 
 
+@pytest.mark.parametrize("late_s", [-0.07, 0.07])
+def test_claims_of_a_shaking_vehicle_with_a_late_camera_hold_before_the_first_solve(late_s):
+    """A third of a beat: the delay's derivative alone claims 0.3 m where the place is wrong by more than a metre."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET] = late_s
+    squares = []
+    for seed in (1, 2):
+        flight = Flight(**HOVER | {"height_m": 12.0, "fps": 30.0, "flapping_deg": 5.0}, seconds=1.6,
+                        targets=((1.0, 1.0),), biases=biases, seed=seed)  # fmt: skip
+        for tracker, tracks in tracked(World(flight)):
+            for track in confirmed(tracks) if not tracker._state.estimator.solves else ():
+                error = np.subtract(track.position_ned[:2], (1.0, 1.0))
+                squares.append(error @ np.linalg.solve(np.array(track.cov)[:2, :2], error))
+    assert len(squares) > 40
+    assert np.mean(squares) < 4.0
+
+
 def test_motion_is_that_of_the_label():
     world = hover(targets=((1.0, 1.0), (-1.0, -1.0)), velocities=((0.0, 0.0), (0.4, 0.0)), labels=("tree", "cow"),
                   seconds=4.0)  # fmt: skip

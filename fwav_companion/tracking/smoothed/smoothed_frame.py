@@ -15,6 +15,7 @@ import numpy as np
 
 from fwav_companion.estimation.frame_prediction import GATE2
 from fwav_companion.estimation.ground import TargetPrior
+from fwav_companion.estimation.initiation import begin_target
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.geometry.vectors import subtract
@@ -84,7 +85,7 @@ class FrameTracks:
         """Indices of the fixes that no track took."""
         self.displaced: dict[int, int] = {}
         """Static tracks without a fix, by the index of a fix beyond their gate that may be theirs: the solve decides,
-        whose weights are robust. Before the first solve also tentative ones."""
+        whose weights are robust."""
         self.refused = self._strays = 0
         self._missed: list[SmoothedTrack] = []
 
@@ -102,8 +103,6 @@ class FrameTracks:
         ]
         if not are_photographs(detector):
             self._find_displaced(tracks)
-            if sights is not None and not self._state.estimator.solves:
-                self._find_displaced_by_delay(tracks, sights)
         for k, track in enumerate(tracks):
             took = self.taken.get(track.id)
             if took is None:
@@ -181,24 +180,6 @@ class FrameTracks:
             if number in missed and fix not in self.displaced:
                 self.displaced[fix] = number
                 missed.discard(number)
-
-    def _find_displaced_by_delay(self, tracks: Sequence[SmoothedTrack], sights: Sightings) -> None:
-        """Find the fixes that are of a track without a fix under some delay, the earliest track first.
-
-        Before the first solve a wrong delay displaces fixes by more than any gate: each would begin a target.
-        """
-        state, fixes = self._state, self._view.fixes
-        taken = {took.index for took in self.taken.values()} | self.displaced.keys()
-        displaced = set(self.displaced.values())
-        for j in range(len(fixes)):
-            own, label = sights.select(np.array([j])), fixes[j].sighting.detection.label
-            for track in tracks if j not in taken else ():
-                free = not track.moving and track.id not in self.taken and track.id not in displaced
-                waiting = state.waiting.get(track.id, ())
-                if free and track.label == label and state.estimator.may_be(track.id, waiting, own):
-                    self.displaced[j] = track.id
-                    displaced.add(track.id)
-                    break
 
     def _turned(self, fix: int) -> SmoothedTrack | None:
         """The moving track, missed by the frame, that may have turned to this fix; the nearest."""
@@ -289,7 +270,7 @@ class FrameTracks:
         if height_m or sigma_m:
             state.estimator.targets[number] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
         moving, own = self._moves(label), sights.select(np.array([j])).with_targets(np.array([number]))
-        if live is None or not live.begin(number, own, moving=moving):
+        if live is None or not begin_target(live, number, own, moving=moving):
             return None
         state.waiting[number] = ()
         track = new_track(number, fix, view.host_ns, moving=moving)

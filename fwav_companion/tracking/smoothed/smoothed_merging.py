@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from math import dist
 
 from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.target_pairs import separation2
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import TrackState
 
@@ -49,5 +50,5 @@ def _may_be_one(one: SmoothedTrack, other: SmoothedTrack, estimator: Estimator) 
     near2 = NEAR_NOISE2 * (nn + ee)
     if dist(a[:2].tolist(), b[:2].tolist()) ** 2 > near2:
         return False
-    distance2, variance = live.separation2(one.id, other.id)
+    distance2, variance = separation2(live, one.id, other.id)
     return distance2 < SEPARATION2 and variance < near2

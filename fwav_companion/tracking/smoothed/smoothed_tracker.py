@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.solve import Estimate
 from fwav_companion.estimation.wander import SMOOTH
@@ -41,7 +40,7 @@ from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
-from fwav_companion.tracking.smoothed.still_targets import still_sightings
+from fwav_companion.tracking.smoothed.teaching import forget_ended, teach, teach_displaced
 from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import (
     ErrorPriors,
@@ -65,8 +64,6 @@ SEARCH_TAKE_OVER_S = 1.5
 """The same for a solve with a search of the delay: about 350 M instructions with one target, 800 M with ten. These are
 606 M and 1 266 M, counted before the search left out hopeless starts, less the share of CPU time that this saves. Until
 the first one the answers are those of the live filter by the priors."""
-MOST_WAITING = 64
-"""Sightings of a tentative track that are kept for the solves."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
 
@@ -228,8 +225,8 @@ class SmoothedTracker:
         after = frame.updated(before, sights)
         tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
         if sights is not None:
-            self._teach(view, sights, tracks)
-            self._refuse(sights, frame.displaced, tracks)
+            teach(state, view, sights, tracks, self._priors)
+            teach_displaced(state, sights, frame.displaced, tracks)
         tracks = frame.continued(tracks)
         if taken_over:
             tracks = merged(tracks, estimator)
@@ -242,7 +239,7 @@ class SmoothedTracker:
         answers.forget()
         reports = self._reports(tracks, view, answers)
         state.tracks = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
-        self._forget(tracks)
+        forget_ended(state, tracks)
         if state.pending is None and estimator.is_solve_due(t):
             task = estimator.start_solve(t)
             due_s = t + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
@@ -317,67 +314,6 @@ class SmoothedTracker:
         new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
         if new != noise:
             estimator.model = replace(estimator.model, noise=new)
-
-    def _teach(self, view: FrameView, sights: Sightings, tracks: Sequence[SmoothedTrack]) -> None:
-        """Hand the frame's sightings to the live filter, and those of confirmed static tracks to the solves."""
-        state = self._state
-        estimator, index = state.estimator, {id(fix): i for i, fix in enumerate(view.fixes)}
-        surveyed = {sight.fix.sighting.index: sight for sight in view.landmarks}
-        rows: list[tuple[int, int, bool]] = []
-        seen = [
-            (index[id(track.fix)], track) for track in tracks if track.fix is not None and track.id in state.waiting
-        ]
-        for i, track in seen:
-            teaches = track.confirmed and not track.moving
-            if teaches:
-                self._release(track)
-                sight = surveyed.get(view.fixes[i].sighting.index)
-                if sight is not None and track.id > 0:
-                    state.landmarks.add(sight, track.id, estimator, state.reference)
-            elif not track.moving:
-                own = sights.select(np.array([i])).with_targets(np.array([track.id]))
-                state.waiting[track.id] = (*state.waiting[track.id], own)[-MOST_WAITING:]
-            if track.life.detections > 1 or teaches:  # the first one began the target
-                rows.append((i, track.id, teaches))
-        moving = [(i, track) for i, track in seen if track.moving and track.confirmed]
-        if moving:
-            rows += still_sightings(state, moving, sights, view.host_ns)
-        if rows:
-            rows.sort()
-            which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
-            estimator.update(sights.select(which).with_targets(targets), teaching)
-
-    def _refuse(self, sights: Sightings, displaced: Mapping[int, int], tracks: Sequence[SmoothedTrack]) -> None:
-        """Keep sightings beyond the gates of their tracks for the solves. ``displaced``: tracks by index of the fix."""
-        state, confirmed = self._state, {track.id for track in tracks if track.confirmed}
-        for fix, number in sorted(displaced.items()):
-            own = sights.select(np.array([fix])).with_targets(np.array([number]))
-            if number in confirmed:
-                state.estimator.refuse(own)
-            elif number in state.waiting:
-                state.waiting[number] = (*state.waiting[number], own)[-MOST_WAITING:]
-
-    def _release(self, track: SmoothedTrack) -> None:
-        """Hand over the sightings of a track from before its confirmation, and the height of its target."""
-        estimator, waiting = self._state.estimator, self._state.waiting
-        for sights in waiting[track.id]:
-            estimator.record(sights)
-        waiting[track.id] = ()
-        height_m, sigma_m = target_height(track.last_fix, self._priors)
-        if (height_m or sigma_m) and track.id not in self._state.landmarks.tracks:
-            estimator.targets[track.id] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
-
-    def _forget(self, tracks: Sequence[SmoothedTrack]) -> None:
-        """Delete what belongs to tracks that have ended."""
-        state = self._state
-        for track in tracks:
-            if track.life.state is TrackState.DROPPED:
-                still = state.still.pop(track.id, None)
-                for number in (track.id, *(() if still is None else (still.number,))):
-                    state.waiting.pop(number, None)
-                    state.estimator.drop(number)
-                if not track.confirmed:  # a confirmed one's sightings go on to teach
-                    state.estimator.targets.pop(track.id, None)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.estimation.frame_prediction import GATE2
+from fwav_companion.estimation.initiation import begin_target
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState, StillTarget
@@ -83,7 +84,7 @@ def _begin(state: SmoothedState, track: SmoothedTrack, own: Sightings, host_ns: 
     number = FIRST_NUMBER + state.next_still
     state.next_still += 1
     live = state.estimator.live
-    if live is not None and live.begin(number, own, moving=False):
+    if live is not None and begin_target(live, number, own, moving=False):
         state.still[track.id] = StillTarget(number, host_ns)
 
 
