@@ -5,7 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from handmade import KnownErrors
+from handmade import KnownErrors, a_sighting
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +20,6 @@ from fwav_companion.types import (
     ErrorBudget,
     GroundFix,
     Ray,
-    Sighting,
     Situation,
     Track,
     TrackState,
@@ -33,7 +32,6 @@ S = 10**9
 NOW = 40_000 * S
 BOOT_FROM_HOST = -39_000 * S
 ORIGIN = Geodetic.from_degrees(47.397742, 8.545594, 488.0)
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LOOKS_DOWN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -94,23 +92,13 @@ def fix(
     cov=None,
     **detection,
 ):
-    detection = Detection(u=pixel[0], v=pixel[1], box=box, **detection)
-    sighting = Sighting(
-        frame=1,
-        index=0,
-        frame_host_ns=at,
-        host_ns=at,
-        detection=detection,
+    sighting = a_sighting(
+        at,
+        state(at),
+        detection=Detection(u=pixel[0], v=pixel[1], box=box, **detection),
         ray=Ray(ray, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-        pixel_sigma=(sigma_px, sigma_px),
-        row_fraction=0.0,
-        time_noise_s=0.0,
-        state=state(at),
-        body_from_camera=LOOKS_DOWN,
-        ned_from_camera=LOOKS_DOWN,
-        camera_ned=(0.0, 0.0, -10.0),
-        camera_height_above_home_m=10.0,
-        relative=False,
+        pixel_sigma=sigma_px,
+        axes=LOOKS_DOWN,
     )
     cov = cov or diagonal(0.2, 0.1, 0.05)
     budget = ErrorBudget(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.types import (
     BIAS_COUNT,
     Bias,
@@ -21,6 +22,8 @@ from fwav_companion.types import (
 
 EPOCH_NS = 1_790_000_000_000_000_000
 BOOT_NS = 77_000_000_000
+AHEAD = Ray((0.0, 0.0, 1.0), (0.0015, 0.0, 0.0), (0.0, 0.0015, 0.0))
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LEVEL = np.diag([0.04, 0.04, 0.0])
 NO_BUDGET = ErrorBudget(0, 0, 0, 0, 0, 0, 0, 0)
 
@@ -76,6 +79,26 @@ def a_state(
     )  # fmt: skip
 
 
+def a_sighting(
+    now_ns,
+    state,
+    *,
+    detection=None,
+    frame=1,
+    ray=AHEAD,
+    pixel_sigma=4.0,
+    axes=IDENTITY,
+    camera_ned=(0.0, 0.0, -10.0),
+):
+    """One detection with its ray from a camera; ``axes``: the camera's, in NED as in the body."""
+    return Sighting(
+        frame=frame, index=0, frame_host_ns=HostNs(now_ns), host_ns=HostNs(now_ns),
+        detection=detection or Detection(u=320.0, v=240.0), ray=ray, pixel_sigma=(pixel_sigma, pixel_sigma),
+        row_fraction=0.0, time_noise_s=0.0, state=state, body_from_camera=axes, ned_from_camera=axes,
+        camera_ned=camera_ned, camera_height_above_home_m=-camera_ned[2], relative=False,
+    )  # fmt: skip
+
+
 def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
     """One fix at t seconds; ``jacobian`` is (3, BIAS_COUNT), ``sigmas`` are the biases' priors."""
     jacobian = np.zeros((3, BIAS_COUNT)) if jacobian is None else jacobian
@@ -83,16 +106,8 @@ def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
     shares = [np.outer(j, j) for j in scaled.T]
     relative = noise + sum(shares[: Bias.POSITION_NORTH])
     total = relative + shares[Bias.POSITION_NORTH] + shares[Bias.POSITION_EAST]
-    camera = np.array([0.0, 0.0, -10.0])
-    identity = Rotation.identity()
-    sighting = Sighting(
-        frame=round(t * 1000), index=0, frame_host_ns=host_ns(t), host_ns=host_ns(t),
-        detection=Detection(320.0, 240.0, **detection), ray=Ray((0, 0, 1.0), (0.0015, 0, 0), (0, 0.0015, 0)),
-        pixel_sigma=(4.0, 4.0), row_fraction=0.0, time_noise_s=0.0,
-        state=a_state(boot_ns(t), identity.as_quat(), np.zeros(3), camera, np.zeros(3)),
-        body_from_camera=matrix(np.eye(3)), ned_from_camera=matrix(np.eye(3)), camera_ned=vector(camera),
-        camera_height_above_home_m=10.0, relative=False,
-    )  # fmt: skip
+    state = a_state(boot_ns(t), Rotation.identity().as_quat(), np.zeros(3), np.array([0.0, 0.0, -10.0]), np.zeros(3))
+    sighting = a_sighting(host_ns(t), state, detection=Detection(320.0, 240.0, **detection), frame=round(t * 1000))
     columns = tuple(vector(j) for j in jacobian.T)
     return GroundFix(
         sighting, vector(position), matrix(noise), columns, KnownErrors(matrix(total), matrix(relative)), "as given"
