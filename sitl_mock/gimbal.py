@@ -66,13 +66,14 @@ class Gimbal:
         if self._o.message == "MOUNT_ORIENTATION":
             angles = {"roll": degrees(roll), "pitch": degrees(pitch), "yaw": degrees(yaw)}
             return {"time_boot_ms": stamp_ms % 2**32, **angles, "yaw_absolute": nan}
+        broken = 0.0 < self._o.nan_from_s <= flight_s
         told = {"vehicle_and_delta": heading, "north_and_delta": heading, "vehicle": nan, "north": nan}
         return {
             "target_system": 0,
             "target_component": 0,
             "time_boot_ms": stamp_ms % 2**32,
             "flags": ROLL_LOCK_AND_PITCH_LOCK | FLAGS[self._o.yaw],
-            "q": list(quaternion_from_euler(roll, pitch, yaw)),
+            "q": [nan] * 4 if broken else list(quaternion_from_euler(roll, pitch, yaw)),
             "angular_velocity_x": nan,
             "angular_velocity_y": nan,
             "angular_velocity_z": nan,

@@ -234,6 +234,8 @@ class GimbalOptions:
     drift_ppm: float = -20.0
     silent_from_s: float = 0.0
     """Time from which the gimbal is silent; 0: never silent."""
+    nan_from_s: float = 0.0
+    """Time from which its attitude has no number; 0: never."""
 
 
 @dataclass(frozen=True, kw_only=True)

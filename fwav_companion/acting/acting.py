@@ -29,6 +29,9 @@ ONLY_POINTING: Final = frozenset(
     {End.MODE_CHANGED, End.GIMBAL_MODE, End.CONTROL_TAKEN, End.STICK, End.GIMBAL_STUCK, End.REFUSED}
 )
 """Ends of the pointing that leave FOLLOW_TARGET alone."""
+START_NS: Final = 10 * NS_PER_S
+"""Time from the first autopilot in which a heard follow_system_id ends a service on the ground: a start is watched, and
+ten heartbeats of another system are in it."""
 OLDEST_PICTURE_NS: Final = 5 * NS_PER_S
 """Age of the newest picture after which the target is not acted on: without pictures no track ends."""
 MOST_NOTICES: Final = 64
@@ -52,18 +55,23 @@ class Acting:
         self._notices: deque[Notice] = deque(maxlen=MOST_NOTICES)
         self._told: dict[str, str | None] = {}
         self._last_end: str | None = None
-        self._follow_id_heard = False
+        self._follow_id_heard = self._misconfigured = False
+        self._adopted_ns: HostNs | None = None
+        """Instant at which the first autopilot was adopted."""
         self._autopilot: Autopilot | None = None
         self.wake_at: HostNs | None = None
-        """Instant at which :meth:`on_wake` is due; None while nothing is permitted."""
+        """Instant at which :meth:`on_wake` is due; None while nothing is permitted and nothing is asked."""
 
     # Inputs.
 
     def on_message(self, message: Message, autopilot: Autopilot | None, now: HostNs) -> None:
         """Take a message of any sender."""
+        if autopilot is not None and (self._autopilot is None or autopilot.system != self._autopilot.system):
+            self._on_adopted(now)
         self._autopilot = autopilot
         if message.name == "HEARTBEAT" and 0 < message.system == self._options.follow_system_id:
             self._on_follow_id_heard(message, now)
+        self._judge_follow_id(autopilot, now)
         end = self._permission.on_message(message, autopilot, now)
         if end is not None:
             self._end(end, now)
@@ -121,6 +129,8 @@ class Acting:
         if self._track is not None and now - self._track.host_ns > OLDEST_PICTURE_NS:
             self._end(End.NO_PICTURES, now)
         autopilot = situation.autopilot
+        if autopilot is not None and self._gimbal.control is Control.NONE:
+            self._out += self._gimbal.on_wake(now, autopilot)
         if self._permission.selector is not None and autopilot is not None:
             if self._points:
                 self._out += self._point(situation, autopilot)
@@ -227,6 +237,12 @@ class Acting:
             code = NoticeCode.ACT_STARTED if flows else NoticeCode.ACT_WITHHELD
             self._say(code, Severity.NOTICE, f"act: FOLLOW_TARGET {now_text}")
 
+    def _on_adopted(self, now: HostNs) -> None:
+        self._adopted_ns = self._adopted_ns or now
+        if self._options.point == "gimbal":
+            self._gimbal.inquire(now)
+            self.wake_at = now
+
     def _on_follow_id_heard(self, message: Message, now: HostNs) -> None:
         if self._follow_id_heard or not self._options.follow_target:
             return
@@ -238,6 +254,16 @@ class Acting:
         self._say(NoticeCode.ACT_REFUSED, Severity.ERROR, text)
         if self._options.point == "none":
             self._withdraw(now)
+
+    def _judge_follow_id(self, autopilot: Autopilot | None, now: HostNs) -> None:
+        """Report once that the service cannot start with this id; never of a vehicle that may fly."""
+        if not self._follow_id_heard or self._misconfigured or autopilot is None or autopilot.armed:
+            return
+        if self._adopted_ns is not None and now - self._adopted_ns < START_NS:
+            self._misconfigured = True
+            number = self._options.follow_system_id
+            text = f"act: the service ends, system {number} is heard: set another follow_system_id"
+            self._say(NoticeCode.ACT_MISCONFIGURED, Severity.ERROR, text)
 
     def _end(self, end: End, now: HostNs, detail: str = "") -> None:
         """End the pointing, or all; said once where something was permitted."""
@@ -281,7 +307,8 @@ class Acting:
 
     def _next(self, now: HostNs) -> HostNs | None:
         if self._permission.selector is None:
-            return None
+            asks_at = self._gimbal.wake_at
+            return None if asks_at is None else max(asks_at, HostNs(now + TICK_NS))
         due = [HostNs(now + (POINTING_NS if self._gimbal.control is Control.OURS else TICK_NS))]
         if self._permission.wake_at is not None:
             due.append(self._permission.wake_at)

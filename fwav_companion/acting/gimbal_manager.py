@@ -103,6 +103,11 @@ class GimbalManager:
         """The configured gimbal's manager, as far as it was heard."""
         return self._chosen()
 
+    def inquire(self, now: HostNs) -> None:
+        """Start to ask what the gimbal can do, which commands nothing: `check` reports it before a selection."""
+        if self.control is Control.NONE:
+            self._asked, self.wake_at = 0, now
+
     def begin(self, now: HostNs) -> None:
         """Start to take the control."""
         self.control, self._asked = Control.FINDING, 0
@@ -133,6 +138,8 @@ class GimbalManager:
             return []
         self.wake_at = self._quiet_until = HostNs(now + ASK_NS)
         match self.control:
+            case Control.NONE:
+                return self._inquire(autopilot)
             case Control.FINDING:
                 return self._find(autopilot)
             case Control.TAKING:
@@ -175,6 +182,17 @@ class GimbalManager:
             return self._take(autopilot)
         if self._asked >= MOST_ASKED:
             return self._refuse("no gimbal manager answers")
+        return self._ask(chosen, autopilot)
+
+    def _inquire(self, autopilot: Autopilot) -> list[Outgoing]:
+        chosen = self._chosen()
+        if self._asked >= MOST_ASKED or (chosen is not None and chosen.limits is not None):
+            self.wake_at = None
+            return []
+        return self._ask(chosen, autopilot)
+
+    def _ask(self, chosen: Manager | None, autopilot: Autopilot) -> list[Outgoing]:
+        """The requests for a manager's information and status; before one is known, where it may be."""
         self._asked += 1
         wanted = (enums.GIMBAL_MANAGER_INFORMATION, enums.GIMBAL_MANAGER_STATUS)
         if chosen is not None:
@@ -291,9 +309,9 @@ class GimbalManager:
 
 
 def _limits(fields: Any) -> tuple[Angles, Angles] | None:
-    """Least and largest pitch and yaw, radians; None where they are not a range."""
+    """Least and largest pitch and yaw, radians, equal where it has no such axis; None where they are not a range."""
     low, high = Angles(fields.pitch_min, fields.yaw_min), Angles(fields.pitch_max, fields.yaw_max)
     values = (low.pitch, low.yaw, high.pitch, high.yaw)
-    if not all(map(isfinite, values)) or not (low.pitch < high.pitch and low.yaw < high.yaw):
+    if not all(map(isfinite, values)) or low == high or not (low.pitch <= high.pitch and low.yaw <= high.yaw):
         return None
     return low, high

@@ -40,6 +40,9 @@ DOWNWARD_COSINE: Final = 0.087
 STEEPEST_COSINE: Final = 0.26
 """Cosine of a pitch of 75 deg: beyond it a sideward error turns the yaw no faster, because yaw rolls the picture."""
 WIDEST_BAND: Final = radians(5.0)
+STOP_HELD: Final = radians(15.0)
+"""Angle by which a target behind the vehicle is nearer on the other side before the gimbal is turned there, through the
+front: it would swing to and fro below a target that crosses the rear. The target stays in most pictures."""
 JUMP_SIGMAS: Final = 3.0
 LEAST_JUMP_M: Final = 0.5
 JUMP_HELD_NS: Final = 2 * NS_PER_S
@@ -144,11 +147,13 @@ class Pointing:
         since_ns, last = self._last
         most = self._rate * min((now - since_ns) * 1e-9, LONGEST_STEP_S)
         # A gimbal with stops is not turned through the rear.
-        yaw_way = wanted.yaw - last.yaw if self.limits is not None else wrapped(wanted.yaw - last.yaw)
+        has_stops = self.limits is not None
+        yaw_way = wanted.yaw - last.yaw if has_stops else wrapped(wanted.yaw - last.yaw)
         pitch = last.pitch + _way(wanted.pitch - last.pitch, self._band, most)
         level = cos(wanted.pitch)
         yaw_band = self._band / level if level > DOWNWARD_COSINE else pi
-        self._last = (now, Angles(pitch, wrapped(last.yaw + _way(yaw_way, yaw_band, most))))
+        yaw = last.yaw + _way(yaw_way, yaw_band, most)
+        self._last = (now, Angles(pitch, yaw if has_stops else wrapped(yaw)))
         return self._last[1]
 
     def _limited(self, wanted: Angles) -> Angles:
@@ -156,9 +161,11 @@ class Pointing:
             self.at_limit = False
             return wanted
         low, high = self.limits
+        last_yaw = wanted.yaw if self._last is None else self._last[1].yaw
+        wanted = Angles(wanted.pitch, _nearer_yaw(wanted.yaw, max(low.yaw, -pi), min(high.yaw, pi), last_yaw))
         within = Angles(
             max(low.pitch, min(high.pitch, wanted.pitch)),
-            max(low.yaw, min(high.yaw, wanted.yaw)),
+            max(low.yaw, -pi, min(high.yaw, pi, wanted.yaw)),
         )
         self.at_limit = within != wanted
         return within
@@ -192,6 +199,16 @@ class Pointing:
         off_m = hypot(moved[0] - speed[0] * seconds, moved[1] - speed[1] * seconds)
         claim_m = hypot(larger_semi_axis(before.relative_cov), larger_semi_axis(after.relative_cov))
         return off_m > max(LEAST_JUMP_M, JUMP_SIGMAS * claim_m)
+
+
+def _nearer_yaw(wanted: float, low: float, high: float, last: float) -> float:
+    """The wanted yaw, by a full turn less or more than it where its stop is on the last command's side: the other side
+    is taken only if it is nearer to the target by STOP_HELD.
+    """
+    near = last + wrapped(wanted - last)
+    far = near - copysign(2.0 * pi, near)
+    beyond, beyond_far = (max(low - yaw, yaw - high, 0.0) for yaw in (near, far))
+    return near if beyond <= beyond_far + STOP_HELD else far
 
 
 def _way(way: float, band: float, most: float) -> float:

@@ -140,6 +140,8 @@ def _checked(arguments: argparse.Namespace) -> int:
     ok = worst(findings) is not Level.ERROR
     if arguments.json:
         print(json.dumps(_object(ok, how, findings, status.written)))
+    if status.typed.acting is not None and status.typed.acting.follow_id_heard:
+        raise config.heard_follow_id()
     return 0 if ok else EXIT_ERROR
 
 

@@ -181,6 +181,14 @@ class Config(Document, frozen=True, kw_only=True):
                 'as url = "serial:///dev/serial0:921600"'
             )
 
+    def heard_follow_id(self) -> ConfigError:
+        """The error where another sender is heard with [act] follow_system_id."""
+        system = 0 if self.act is None else self.act.follow_system_id
+        return ConfigError(
+            f"{self.file}: [act] follow_system_id = {system}: another sender is heard with it; accepted: an id that no "
+            "other sender has"
+        )
+
     def as_builtins(self) -> dict[str, Any]:
         """Every key with its value, passwords and tokens redacted; independent of the file's path."""
         tree: dict[str, Any] = redacted(msgspec.to_builtins(self), dict(secrets_of(self)))

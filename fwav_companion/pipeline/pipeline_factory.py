@@ -127,7 +127,9 @@ def make_pipeline(
         look_at=None if camera is None else camera.look.aim,
         geoid=geoid_undulation_m,
     )
-    acting = Acting(act_options(config)) if live and has_camera and config.act is not None and config.act.acts else None
+    acting = None
+    if live and calibration is not None and config.act is not None and config.act.acts:
+        acting = Acting(act_options(config))  # without the camera component, as in `check`, no selection reaches it
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
         tracking = TrackingCommands(publisher, acting, CAMERA_COMPONENT_ID)

@@ -81,16 +81,23 @@ class Service:
             utc_leaves=self._dispatcher.map_link is not None or self._fleet is not None,
         )
         self._stop = asyncio.Event()
+        self._misconfigured = False
 
     async def run(self) -> None:
-        """Run until SIGTERM, SIGINT or SIGHUP, then stop within two seconds."""
+        """Run until SIGTERM, SIGINT or SIGHUP, then stop within two seconds.
+
+        ConfigError where the first messages, on the ground, contradict the configuration.
+        """
         loop = asyncio.get_running_loop()
         end_by(loop, self._stop.set)
+        self._dispatcher.on_misconfigured = self._on_misconfigured
         loop.set_exception_handler(self._dispatcher.on_internal_fault)
         self._start()
         await self._stop.wait()
         self._notifier.stopping()
         self._close()
+        if self._misconfigured:
+            raise self._parts.config.heard_follow_id()
 
     async def listen(self, seconds: float) -> RunStatus:
         """Run for this time and return the status at its end. For ``check``."""
@@ -146,6 +153,10 @@ class Service:
             file.close(FILE_STOP_S)
         self._notifier.close()
         parts.log.stopped()
+
+    def _on_misconfigured(self) -> None:
+        self._misconfigured = True
+        self._stop.set()
 
     def _on_fleet_notice(self, notice: Notice) -> None:
         self._dispatcher.report([notice], self._parts.clock.now())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.reconnect import make_link
@@ -56,6 +56,8 @@ class Dispatcher:
         self._alarm = PipelineTimer(self.on_alarm)
         self.witness: Witness | None = None
         """Observer of received frames and messages."""
+        self.on_misconfigured: Callable[[], None] | None = None
+        """Ends a run whose configuration the first messages contradict; None: it goes on."""
 
     # What comes in.
 
@@ -152,6 +154,8 @@ class Dispatcher:
             self._log.noticed(outputs.notices)
             if any(notice.code is NoticeCode.STARTED_ANEW for notice in outputs.notices):
                 self.camera.restart()
+            if self.on_misconfigured and any(each.code is NoticeCode.ACT_MISCONFIGURED for each in outputs.notices):
+                self.on_misconfigured()
             self.camera.send(outputs.spot_messages)
         if self._journal.records:
             self._journal.armed(self._pipeline.identity.armed, now)

@@ -132,6 +132,8 @@ class NoticeCode(StrEnum):
     """It ended; the text has the reason. Select the target again to go on."""
     ACT_REFUSED = "act_refused"
     """It is not done, because the selection does not count or the other side refuses; the text has the reason."""
+    ACT_MISCONFIGURED = "act_misconfigured"
+    """At the start, on the ground: [act] follow_system_id is another's. The service ends with exit status 2."""
     ACT_WITHHELD = "act_withheld"
     """It rests for the reason in the text: the claim is too wide, the gimbal is at its limit, or the target jumped."""
     COT_WITHOUT_POSITION = "cot_without_position"

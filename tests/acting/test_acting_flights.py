@@ -3,7 +3,7 @@
 The mock has a gimbal manager, a region of interest and a follow mode of its own, made from the specifications.
 """
 
-from math import dist, isnan
+from math import dist, isfinite, isnan
 
 import pytest
 from acting_flights import STOP, TRACK_RECTANGLE, Operator, fly_acting
@@ -53,35 +53,55 @@ def test_stop_gives_the_gimbal_back_and_says_so():
     assert flight.texts(*ENDED) == ["act: all ended, stopped by the operator"]
 
 
+SILENT = Operator(commands=((CLICK_S, TRACK_RECTANGLE),), silent_from_s=9.0)
+FREE, ANOTHER = (0, 0), (252, 190)
+
+
 @pytest.mark.parametrize(
-    ("differences", "operator", "text"),
+    ("differences", "operator", "latest_s", "text"),
     [
-        ({"gimbal.taken_at_s": 11.0}, CLICKED, "act: gimbal ended, another took the gimbal: 252/190"),
-        ({"gimbal.manager_denies": True}, CLICKED, "act: gimbal ended, refused: the gimbal's manager answers: denied"),
-        ({"gimbal.manager": False}, CLICKED, "act: gimbal ended, refused: no gimbal manager answers"),
-        ({"gimbal.neutral_at_s": 11.0}, CLICKED, "act: gimbal ended, the gimbal's mode changed: neutral"),
-        ({"gimbal.stick_at_s": 11.5}, CLICKED, "act: gimbal ended, the pilot moved the gimbal"),
+        ({"gimbal.taken_at_s": 11.0}, CLICKED, 11.2, "gimbal ended, another took the gimbal: 252/190"),
+        ({"gimbal.manager_denies": True}, CLICKED, 0.0, "gimbal ended, refused: the gimbal's manager answers: denied"),
+        ({"gimbal.manager": False}, CLICKED, 0.0, "gimbal ended, refused: no gimbal manager answers"),
+        ({"gimbal.neutral_at_s": 11.0}, CLICKED, 11.2, "gimbal ended, the gimbal's mode changed: neutral"),
+        ({"gimbal.stick_at_s": 11.5}, CLICKED, 14.0, "gimbal ended, the pilot moved the gimbal"),
+        ({"gimbal.frozen": True}, CLICKED, 14.5, "gimbal ended, the gimbal does not follow: commanded 21 deg, moved 0"),
+        ({"autopilot.disarms_at_s": 11.0}, CLICKED, 11.2, "all ended, disarmed"),
         (
-            {"gimbal.frozen": True},
+            {"autopilot.status_changes_at_s": 11.0, "autopilot.status_then": 3},
             CLICKED,
-            "act: gimbal ended, the gimbal does not follow: commanded 21 deg, moved 0",
+            11.2,
+            "all ended, landed",
         ),
-        ({"autopilot.disarms_at_s": 11.0}, CLICKED, "act: all ended, disarmed"),
-        ({"autopilot.status_changes_at_s": 11.0}, CLICKED, "act: all ended, failsafe"),
-        ({"others.reboots_at_s": (11.0,)}, CLICKED, "act: all ended, the autopilot rebooted"),
-        ({"downlink.silences": ((9.0, 16.0),)}, CLICKED, "act: all ended, the autopilot is silent"),
-        (
-            {},
-            Operator(commands=((CLICK_S, TRACK_RECTANGLE),), silent_from_s=9.0),
-            "act: all ended, the selecting station is silent",
-        ),
+        ({"autopilot.status_changes_at_s": 11.0}, CLICKED, 11.2, "all ended, failsafe"),
+        ({"others.reboots_at_s": (11.0,)}, CLICKED, 14.5, "all ended, the autopilot rebooted"),
+        ({"downlink.silences": ((9.0, 16.0),)}, CLICKED, 14.5, "all ended, the autopilot is silent"),
+        ({}, SILENT, 13.2, "all ended, the selecting station is silent"),
     ],
 )
-def test_end_of_the_pointing_is_said_once_and_nothing_follows(differences, operator, text):
+def test_end_of_the_pointing_is_said_once_and_nothing_follows(differences, operator, latest_s, text):
     flight = fly_acting(GIMBAL, operator, seconds=16.0, **differences)
-    assert flight.texts(*ENDED) == [text]
-    last = max(flight.times_s("GIMBAL_MANAGER_SET_PITCHYAW"), default=0.0)
-    assert last < 14.5
+    assert flight.texts(*ENDED) == [f"act: {text}"]
+    assert max(flight.times_s("GIMBAL_MANAGER_SET_PITCHYAW"), default=0.0) <= latest_s
+    assert flight.primary == (ANOTHER if "gimbal.taken_at_s" in differences else FREE)
+
+
+def test_attitude_without_a_number_gives_no_fix_and_no_command_without_one():
+    flight = fly_acting(GIMBAL, CLICKED, seconds=16.0, **{"gimbal.nan_from_s": 11.0})
+    sent = flight.sent("GIMBAL_MANAGER_SET_PITCHYAW")
+    assert max(flight.times_s("GIMBAL_MANAGER_SET_PITCHYAW")) > 12.0
+    assert all(isfinite(each.fields[name]) for each in sent for name in ("pitch", "yaw"))
+    assert flight.companion.lines[-1]["dropped"]["stale_gimbal"] > 60
+
+
+def test_what_the_gimbal_can_do_is_asked_before_a_selection():
+    """`check` reports it; nothing else is sent."""
+    flight = fly_acting([*GIMBAL, "follow_target=true"], Operator(commands=()), seconds=11.0)
+    acting = flight.companion.pipeline.status(flight.companion._now).acting
+    assert acting.pitch_limits_deg == pytest.approx((-90.0, 30.0))
+    assert acting.yaw_limits_deg == pytest.approx((-180.0, 180.0))
+    assert {each.fields["param1"] for each in flight.commands(512)} >= {280.0, 281.0}
+    assert sum(each.fields["param1"] == 280.0 for each in flight.commands(512)) <= 2
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])

@@ -1,13 +1,15 @@
-"""A vehicle, a target and the messages of both, by hand: what acting on a target is asked about."""
+"""A vehicle, a target and the messages of both, by hand; and acting on it, with an autopilot that answers."""
 
 from __future__ import annotations
 
+from math import degrees, radians
 from types import SimpleNamespace
 from typing import Any
 
-from handmade import KnownErrors
+from handmade import KnownErrors, a_sighting
 from scipy.spatial.transform import Rotation
 
+from fwav_companion.acting.acting import Acting
 from fwav_companion.acting.options import ActOptions
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
@@ -18,13 +20,13 @@ from fwav_companion.types import (
     ClockEstimate,
     ClockStatus,
     Command,
-    Detection,
     ErrorBudget,
     GimbalAt,
     GroundFix,
     Message,
+    NoticeCode,
+    Outgoing,
     Ray,
-    Sighting,
     Situation,
     Track,
     TrackState,
@@ -34,7 +36,6 @@ from fwav_companion.types import (
 S = 10**9
 T0 = 500 * S
 ORIGIN = Geodetic.from_degrees(47.397742, 8.545594, 488.0)
-IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ARMED, ACTIVE, STANDBY, CRITICAL = 128, 4, 3, 5
 TRACK_POINT, STOP, CONFIGURE, REQUEST, ROI, ROI_NONE = 2004, 2010, 1001, 512, 195, 197
 AUTOPILOT = Autopilot(system=1, component=1, kind=AutopilotKind.ARDUPILOT, vehicle_type=2, armed=True, link="fc")
@@ -104,23 +105,8 @@ def a_track(
     cov = diagonal(sigma_m, 0.8 * sigma_m, 0.1)
     fix = None
     if ray is not None:
-        sighting = Sighting(
-            frame=1,
-            index=0,
-            frame_host_ns=HostNs(now),
-            host_ns=HostNs(now),
-            detection=Detection(u=320.0, v=240.0),
-            ray=Ray(ray, (1.5e-3, 0.0, 0.0), (0.0, 1.5e-3, 0.0)),
-            pixel_sigma=(4.0, 4.0),
-            row_fraction=0.0,
-            time_noise_s=0.0,
-            state=state(now),
-            body_from_camera=IDENTITY,
-            ned_from_camera=IDENTITY,
-            camera_ned=(0.0, 0.0, -20.0),
-            camera_height_above_home_m=20.0,
-            relative=False,
-        )
+        from_axis = Ray(ray, (1.5e-3, 0.0, 0.0), (0.0, 1.5e-3, 0.0))
+        sighting = a_sighting(now, state(now), ray=from_axis, camera_ned=(0.0, 0.0, -20.0))
         budget = ErrorBudget(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
         fix = GroundFix(sighting, place, cov, ((0.0, 0.0, 0.0),) * BIAS_COUNT, KnownErrors(cov, cov, budget), "home")
     return Track(
@@ -157,3 +143,79 @@ def heartbeat(
 def click(link: str = "ground", sender: tuple[int, int] = STATION, number: int = TRACK_POINT) -> Command:
     params = (0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0)
     return Command(number=number, params=params, system=sender[0], component=sender[1], link=link, to_component=100)
+
+
+NOBODY, OURS = (0, 0), (1, 191)
+
+
+class Acted:
+    """Acting in a flight: the autopilot answers, its gimbal manager gives the control, its gimbal obeys at once."""
+
+    def __init__(self, point: str, *, limits_deg: tuple[float, float] | None = None, **changes: Any) -> None:
+        """``limits_deg``: of yaw to each side, by the manager's information; None: it has none."""
+        self.acting = Acting(options(**{"point": point, "follow_max_sigma_m": 10.0, **changes}))
+        self.sent: list[tuple[int, Outgoing]] = []
+        self.look: tuple[float, float] | None = (-45.0, 0.0)
+        """Pitch and yaw of the gimbal by its report, degrees."""
+        self.obeys = True
+        self._limits, self._primary = limits_deg, NOBODY
+        self.texts: list[str] = []
+        self.codes: list[NoticeCode] = []
+        self.hear(heartbeat(), T0)
+
+    def hear(self, each: Message, now: int, autopilot: Autopilot | None = AUTOPILOT) -> None:
+        self.acting.on_message(each, autopilot, HostNs(now))
+
+    def select(self, now: int = T0, place: tuple[float, float, float] = (20.0, 0.0, 0.0)) -> None:
+        self.acting.on_selected(click(), a_track(now, place), AUTOPILOT, HostNs(now))
+
+    def step(self, now: int, track: Track | None, *, station: bool = True, beat: Message | None = None) -> None:
+        """The autopilot and the station are heard, a frame shows the target, and what is due is sent."""
+        self.hear(beat or heartbeat(), now)
+        if station:
+            self.hear(heartbeat(STATION, link="ground"), now)
+        self.acting.on_tracks(track, HostNs(now), awaited=False)
+        due = self.acting.wake_at
+        made = (
+            self.acting.on_wake(HostNs(now), situation(now, state(now, look=self.look))) if due and due <= now else []
+        )
+        for each in made:
+            self.sent.append((now, each))
+            self._answer(each, now)
+        for notice in self.acting.notices():
+            self.texts.append(notice.text)
+            self.codes.append(notice.code)
+
+    def commands(self, *numbers: int, since: int = T0) -> list[Outgoing]:
+        return [each for now, each in self.sent if now >= since and each.fields.get("command") in numbers]
+
+    def looks_deg(self, since: int = T0) -> list[tuple[float, float]]:
+        """Pitch and yaw of each command to the gimbal."""
+        sent = [each.fields for now, each in self.sent if now >= since and each.name == "GIMBAL_MANAGER_SET_PITCHYAW"]
+        return [(degrees(fields["pitch"]), degrees(fields["yaw"])) for fields in sent]
+
+    def count(self, name: str, since: int = T0) -> int:
+        return sum(now >= since and each.name == name for now, each in self.sent)
+
+    def be_primary(self, primary: tuple[int, int], now: int, flags: int = 12) -> None:
+        """The manager's status names this one."""
+        self._primary = primary
+        fields = {"primary_control_sysid": primary[0], "primary_control_compid": primary[1], "flags": flags}
+        self.hear(message("GIMBAL_MANAGER_STATUS", gimbal_device_id=1, **fields), now)
+
+    def _answer(self, each: Outgoing, now: int) -> None:
+        fields = each.fields
+        if each.name == "GIMBAL_MANAGER_SET_PITCHYAW" and self.obeys:
+            self.look = (degrees(fields["pitch"]), degrees(fields["yaw"]))
+        number = fields.get("command")
+        if number == CONFIGURE:
+            self._primary = (int(fields["param1"]), int(fields["param2"]))
+        elif number == ROI:
+            self.hear(message("COMMAND_ACK", command=ROI, result=0), now)
+        elif number == REQUEST and fields["param1"] == 281.0:
+            self.be_primary(self._primary, now)
+        elif number == REQUEST and self._limits is not None:
+            low, high = self._limits
+            angles = {"pitch_min": radians(-90.0), "pitch_max": radians(30.0)}
+            angles |= {"yaw_min": radians(low), "yaw_max": radians(high)}
+            self.hear(message("GIMBAL_MANAGER_INFORMATION", gimbal_device_id=1, **angles), now)

@@ -40,7 +40,7 @@ def _gimbal(evidence: Evidence, acting: ActingReport) -> Iterator[Finding]:
             "act_no_manager",
             Level.WARNING,
             WHERE,
-            problem="no gimbal manager is heard: it is asked at the first selection",
+            problem="no gimbal manager answers",
             fix="ArduPilot: MNT1_TYPE; PX4: MNT_MODE_IN = 4 (gimbal protocol v2); check the gimbal's link",
         )
     else:

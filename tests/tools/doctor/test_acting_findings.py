@@ -3,9 +3,16 @@
 from types import SimpleNamespace
 
 import pytest
+from configured_links import AUTOPILOT
+from flying import CAMERA
 
 from fwav_companion.acting.options import ActTable
+from fwav_companion.camera import parse_calibration
+from fwav_companion.config import parse
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.tools.doctor.acting_findings import acting_findings
+from fwav_companion.tools.doctor.gathering import quiet
 from fwav_companion.tools.doctor.gimbal_findings import gimbal_findings
 from fwav_companion.types.flight_status import ActingReport, GimbalReport
 
@@ -88,3 +95,12 @@ def test_follow_target_that_the_autopilot_does_not_hear_is_said(system, kind, pa
 )
 def test_trouble_of_the_gimbal_is_said(gimbal, unused, expected):
     assert codes(gimbal_findings(evidence(), status(gimbal=gimbal, unused=unused))) == expected
+
+
+@pytest.mark.parametrize("act", ['point = "roi"', "follow_target = true"])
+def test_check_that_listens_alone_has_what_it_reports_about_acting(act):
+    text = AUTOPILOT + '[camera]\ncalibration = "camera.yaml"\n[act]\n' + act + "\n"
+    calibration = parse_calibration(CAMERA, "camera.yaml")
+    pipeline = make_pipeline(quiet(parse(text, "a.toml")), calibration, unix_offset_ns=0, live=True, written=True)
+    reported = pipeline.status(HostNs(0)).acting
+    assert (reported.point == "roi", reported.follow_target) == ("roi" in act, "follow" in act)
