@@ -78,12 +78,17 @@ def fixes_of(flight, label):
 
 
 def first_and_last(kind, seed):
-    """Squares of the first and of the last fix of one target; biases of different kinds and seeds are independent."""
+    """Squares of the first and of the last fix of each target, of one side first."""
     number = 100 * list(KINDS).index(kind) + seed
     flight = flown(kind, number)
-    fixes = fixes_of(flight, BOTH_SIDES[number % 2].label)
-    assert fixes, f"no fix in flight {number}: {flight.companion.lines[-1]['dropped']}"
-    return squares(flight, [fixes[0], fixes[-1]])
+    return within(flight, BOTH_SIDES[number % 2].label, BOTH_SIDES[1 - number % 2].label)
+
+
+def within(flight, *labels):
+    """Squares of the first and of the last fix of each of these targets."""
+    found = [fixes_of(flight, label) for label in labels]
+    assert all(found), f"no fix of a target: {flight.companion.lines[-1]['dropped']}"
+    return [squares(flight, [fixes[0], fixes[-1]]) for fixes in found]
 
 
 FLIGHTS = [pytest.param(1), pytest.param(3, marks=pytest.mark.slow)]
@@ -93,12 +98,20 @@ MOST = chi2.ppf(1.0 - 1e-3 / (3 * len(KINDS)), 2)
 
 @pytest.mark.parametrize("flights", FLIGHTS)
 def test_first_and_last_answers_of_every_kind_are_as_good_as_they_claim(flights):
+    """The sum is of one side alone: both sides of a flight share its biases."""
     drawn = {(kind, seed): first_and_last(kind, seed) for kind in KINDS for seed in range(1, flights + 1)}
     low, high = chi2.ppf([0.0005, 0.9995], 2 * len(drawn))
     for which in (0, 1):
-        found = {key: both[which] for key, both in drawn.items()}
-        assert max(found.values()) < MOST, found
-        assert low < sum(found.values()) < high, found
+        one, other = ({key: sides[side][which] for key, sides in drawn.items()} for side in (0, 1))
+        assert max(*one.values(), *other.values()) < MOST, (one, other)
+        assert low < sum(one.values()) < high, one
+
+
+def test_gimbal_that_is_80_ms_late_without_a_word_in_the_configuration_is_within_the_claim():
+    """1.6 sigma of the prior of gimbal_delay_s."""
+    options = flown("late", 501, **{"biases.gimbal_delay_s": 0.0}).options
+    flight = fly(options, ["camera.mount.gimbal_device_id=154", "camera.mount.pitch_deg=0.0"])
+    assert max(each for side in within(flight, "left", "right") for each in side) < MOST
 
 
 @pytest.mark.parametrize("kind", KINDS)
