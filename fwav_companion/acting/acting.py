@@ -55,7 +55,7 @@ class Acting:
         self._notices: deque[Notice] = deque(maxlen=MOST_NOTICES)
         self._told: dict[str, str | None] = {}
         self._last_end: str | None = None
-        self._follow_id_heard = self._misconfigured = False
+        self._follow_id_heard = self._ends_at_start = self._misconfigured = False
         self._adopted_ns: HostNs | None = None
         """Instant at which the first autopilot was adopted."""
         self._autopilot: Autopilot | None = None
@@ -244,10 +244,14 @@ class Acting:
             self.wake_at = now
 
     def _on_follow_id_heard(self, message: Message, now: HostNs) -> None:
-        if self._follow_id_heard or not self._options.follow_target:
+        if self._ends_at_start or not self._options.follow_target:
             return
-        if self._options.signed and not message.signed and message.link in self._options.gcs_links:
-            return  # with a key, an unsigned station ends nothing
+        unsigned_station = not message.signed and message.link in self._options.gcs_links
+        if self._options.signed and unsigned_station:
+            return  # with a key, an unsigned station withholds nothing
+        self._ends_at_start = not unsigned_station  # no stranger's frame may end the service
+        if self._follow_id_heard:
+            return
         self._follow_id_heard = True
         number = self._options.follow_system_id
         text = f"act: system {number} is heard, set another [act] follow_system_id: nothing is sent"
@@ -257,7 +261,7 @@ class Acting:
 
     def _judge_follow_id(self, autopilot: Autopilot | None, now: HostNs) -> None:
         """Report once that the service cannot start with this id; never of a vehicle that may fly."""
-        if not self._follow_id_heard or self._misconfigured or autopilot is None or autopilot.armed:
+        if not self._ends_at_start or self._misconfigured or autopilot is None or autopilot.armed:
             return
         if self._adopted_ns is not None and now - self._adopted_ns < START_NS:
             self._misconfigured = True

@@ -42,9 +42,14 @@ def test_vehicles_own_id_ends_the_service_once_it_is_known():
     assert codes((0, vehicle, heartbeat((17, 1), armed=False))) == [HEARD, ENDS]
 
 
-@pytest.mark.parametrize(("signed", "expected"), [(False, [HEARD, ENDS]), (True, [])])
-def test_unsigned_station_ends_no_service_with_a_key(signed, expected):
+@pytest.mark.parametrize(("signed", "expected"), [(False, [HEARD]), (True, [])])
+def test_unsigned_frame_on_a_stations_link_ends_no_service(signed, expected):
     assert codes((0, DISARMED, heartbeat((17, 1), link="ground")), signed=signed) == expected
+
+
+def test_sender_behind_the_autopilot_ends_it_after_a_stranger_was_heard():
+    stranger, behind = heartbeat((17, 1), link="ground"), heartbeat((17, 1))
+    assert codes((0, DISARMED, stranger), (1, DISARMED, behind)) == [HEARD, ENDS]
 
 
 def test_nothing_is_sent_from_an_id_that_is_heard_in_flight():
