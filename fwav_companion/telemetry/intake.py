@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s
 from fwav_companion.telemetry import decoding
 from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
 from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
@@ -23,6 +23,10 @@ from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
 
 SAFETY_ARMED = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
+
+MOST_UTC_ERROR_NS = NS_PER_S
+"""Largest difference between the advances of UTC and of the boot clock from one SYSTEM_TIME to the next: at 1 Hz, a
+simulator at half speed differs by half a second."""
 
 
 class Intake:
@@ -59,6 +63,8 @@ class Intake:
         """Geoid above ellipsoid, metres, from the receiver's alt_ellipsoid - alt."""
         self.utc: tuple[int, BootNs] | None = None
         """UTC in Unix nanoseconds and its boot instant; None while the autopilot does not know UTC."""
+        self._jumped_utc: tuple[int, BootNs] | None = None
+        """The newest UTC that disagreed with the one in use, until another shows which is right."""
         self.refused: dict[str, int] = {}
         """Counts of rejected messages by name."""
         self.handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
@@ -155,9 +161,15 @@ class Intake:
         return ()
 
     def _on_system_time(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        """Take UTC. A time that jumps against the autopilot's clock is counted, and taken once the next one agrees."""
         unix_ns = decoding.unix_ns(fields)
-        if unix_ns is not None:
-            self.utc = (unix_ns, BootNs(self.stamp_ns + HALF_MS_NS))
+        if unix_ns is None:
+            return ()
+        sample = (unix_ns, BootNs(self.stamp_ns + HALF_MS_NS))
+        if self.utc is not None and not any(_agree(sample, each) for each in (self.utc, self._jumped_utc) if each):
+            self._jumped_utc = sample
+            return self.refuse("SYSTEM_TIME")
+        self.utc, self._jumped_utc = sample, None
         return ()
 
     def _on_altitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
@@ -267,3 +279,8 @@ class Intake:
             return ()
         self._kept.attitudes.shift(moved_ns)
         return (StampDelay(self._stamps.delay_s, self._stamps.in_step),)
+
+
+def _agree(one: tuple[int, BootNs], other: tuple[int, BootNs]) -> bool:
+    """Whether two samples of (UTC, boot clock) advanced alike."""
+    return abs((one[0] - other[0]) - (one[1] - other[1])) <= MOST_UTC_ERROR_NS

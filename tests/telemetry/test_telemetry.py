@@ -230,6 +230,23 @@ def test_utc_by_system_time():
     assert autopilot.telemetry.utc_minus_host_s == pytest.approx(expected, abs=1e-3)
 
 
+def test_system_time_that_jumps_is_counted_and_moves_utc_only_when_the_next_one_agrees():
+    autopilot = Autopilot()
+    autopilot.attitudes(0, 200)
+    start, jumped = 1_790_000_000_000_000, 1_790_000_900_000_000
+    autopilot.send("SYSTEM_TIME", 1000, time_unix_usec=start)
+    before, line = autopilot.telemetry.utc_minus_host_s, autopilot.telemetry.clock.host_from_boot(BootNs(1000 * MS))
+    for boot_ms, unix_usec in ((2000, jumped), (3000, 5), (4000, start + 3_000_000)):
+        autopilot.send("SYSTEM_TIME", boot_ms, time_unix_usec=unix_usec)
+        assert autopilot.telemetry.utc_minus_host_s == pytest.approx(before, abs=1e-3)
+    assert autopilot.telemetry.clock.host_from_boot(BootNs(1000 * MS)) == line
+    assert autopilot.telemetry.status(autopilot.host(4000)).refused == {"SYSTEM_TIME": 1}
+    autopilot.send("SYSTEM_TIME", 5000, time_unix_usec=jumped)
+    autopilot.send("SYSTEM_TIME", 6000, time_unix_usec=jumped + 1_000_000)
+    assert autopilot.telemetry.utc_minus_host_s - before == pytest.approx(896.0, abs=1e-3)
+    assert autopilot.telemetry.status(autopilot.host(6000)).refused == {"SYSTEM_TIME": 2}
+
+
 def test_status_shows_rates_and_interpolation():
     autopilot = Autopilot()
     climbing(autopilot, 6000)
