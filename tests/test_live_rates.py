@@ -52,7 +52,11 @@ def hear_until_measured(site: Site, name: str, hz: float, within_s: float = 60.0
 
 FIRST_OFF = ("--first-timesync-off", "0.115")
 TWO_TERMINALS = {
-    "inav": (("--autopilot", "inav"), r"not ready: attitude at (4[5-9]|5\d) Hz, wanted 100 Hz: "),
+    "inav": (
+        ("--autopilot", "inav"),
+        r"not ready: attitude at (9|1\d) Hz, wanted 100 Hz; the autopilot answers no rate request"
+        r"|not ready: attitude at (4[5-9]|5\d) Hz, wanted 100 Hz: ",
+    ),
     "betaflight": (
         ("--autopilot", "betaflight"),
         r"not ready: attitude at (9|1\d) Hz, wanted 100 Hz; the autopilot takes no rate requests",

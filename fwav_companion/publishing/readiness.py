@@ -25,6 +25,8 @@ EARLIEST_NS = 3 * NS_PER_S
 """Time after the adoption before the vehicle is reported as ready: the rate meter needs one full window of 2 s."""
 LATEST_NS = 5 * NS_PER_S
 """Time after the adoption until the first report, except of a slow attitude whose request has no outcome yet."""
+METER_NS = 2 * NS_PER_S
+"""Window of the rate meter: what it shows sooner after a rate's change is of both rates."""
 HOLD_NS = 3 * NS_PER_S
 """Time for which a change must hold before it is reported."""
 REPORT_NS = 10 * NS_PER_S
@@ -177,8 +179,8 @@ def readiness_notice(readiness: Readiness, reported: NoticeCode | None = None) -
 class ReadinessReports:
     """Decides when readiness is reported: first 3 to 5 s after the adoption, then when a change has held for 3 s.
 
-    A slow attitude is first reported 3 s after the outcome of our request for its rate: an autopilot that answers
-    nothing may still obey one (INAV), and the text would say the opposite.
+    A slow attitude is first reported 2 s after the outcome of our request for its rate, where the autopilot answers: the
+    meter's window must not hold the rate from before.
     """
 
     def __init__(self) -> None:
@@ -217,7 +219,7 @@ class ReadinessReports:
         return None if self._reported is None or repeated else self._report(notice, now)
 
     def _is_due(self, code: NoticeCode, now: HostNs) -> bool:
-        if code is NoticeCode.NOT_READY_SLOW_ATTITUDE and now < self._pending_ns + HOLD_NS:
+        if code is NoticeCode.NOT_READY_SLOW_ATTITUDE and now < self._pending_ns + METER_NS:
             return False
         if self._reported is None:
             return now >= self._began_ns + (EARLIEST_NS if code is NoticeCode.READY else LATEST_NS)

@@ -178,14 +178,14 @@ class MergedNetwork:
         self.notices += [notice.text for notice in outputs.notices]
 
     def _to_stations(self, link: str) -> Callable[[bytes], None]:
-        def send(data: bytes) -> None:
+        def send(data: bytes, **_order: bool) -> None:
             for station in self.stations:
                 if station.link == link:
                     station.hear(data, self.now_s)
 
         return send
 
-    def _to_autopilot(self, data: bytes) -> None:
+    def _to_autopilot(self, data: bytes, **_order: bool) -> None:
         self._out.append(data)
         self.to_autopilot.append((self.now_s, data))
 

@@ -102,8 +102,10 @@ class Rates:
 
     @property
     def attitude_pending(self) -> bool:
-        """Whether our request for the attitude has no outcome yet."""
-        rows = {} if self._loop is None else self._loop.rows
+        """Whether our request for the attitude has no outcome yet, of an autopilot that has answered something."""
+        if self._loop is None or self._loop.is_unanswered:
+            return False
+        rows = self._loop.rows
         return any(rows[name].state is RequestState.ASKING for name in ATTITUDES & rows.keys())
 
     @property
