@@ -54,8 +54,7 @@ FIRST_OFF = ("--first-timesync-off", "0.115")
 TWO_TERMINALS = {
     "inav": (
         ("--autopilot", "inav"),
-        r"not ready: attitude at (9|1\d) Hz, wanted 100 Hz; the autopilot answers no rate request"
-        r"|not ready: attitude at (4[5-9]|5\d) Hz, wanted 100 Hz: ",
+        r"not ready: attitude at ((9|1\d) Hz, wanted 100 Hz; the .* answers no|(4[5-9]|5\d) Hz, wanted 100 Hz: )",
     ),
     "betaflight": (
         ("--autopilot", "betaflight"),

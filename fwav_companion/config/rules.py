@@ -152,6 +152,10 @@ def _targets(document: Document) -> Iterator[Complaint]:
     for index, label in enumerate(labels):
         if label in labels[:index]:
             yield ("target", index, "label"), "another [[target]] has this label; accepted: a label of its own"
+    for index, target in enumerate(document.target):
+        if target.motion not in (None, document.tracking.motion):
+            fault = f'the tracker takes all targets as [tracking] motion; accepted: "{document.tracking.motion}"'
+            yield ("target", index, "motion"), fault
 
 
 def _landmarks(document: Document) -> Iterator[Complaint]:

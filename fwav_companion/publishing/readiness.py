@@ -179,8 +179,8 @@ def readiness_notice(readiness: Readiness, reported: NoticeCode | None = None) -
 class ReadinessReports:
     """Decides when readiness is reported: first 3 to 5 s after the adoption, then when a change has held for 3 s.
 
-    A slow attitude is first reported 2 s after the outcome of our request for its rate, where the autopilot answers: the
-    meter's window must not hold the rate from before.
+    A slow attitude is first reported 2 s after the outcome of our request for its rate, where the autopilot answers:
+    the meter's window must not hold the rate from before.
     """
 
     def __init__(self) -> None:

@@ -25,7 +25,7 @@ class StandingTarget(msgspec.Struct, frozen=True, kw_only=True):
     """Part that a detection marks. ``bottom``: where the image of the vertical through the box's centre leaves the box
     downward in the world. ``ankles``: midway between the confident ankles of a pose model; without them as center."""
     motion: Literal["static", "moving"] | None = None
-    """Motion of these targets; None: that of all, [tracking] motion. Only the smoother tells labels apart."""
+    """Motion of these targets; None: that of all, [tracking] motion. Another one needs the smoother."""
 
     @property
     def sigma_m(self) -> float:

@@ -88,7 +88,7 @@ def test_what_is_commented_out_is_right_too():
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
     assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
     assert set(shown["act"]) == set(ActTable.__struct_fields__)
-    assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="moving"),)
+    assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static"),)
     assert set(shown["target"][-1]) == set(StandingTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
 

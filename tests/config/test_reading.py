@@ -139,6 +139,7 @@ FAULTS = {
     "pictures of another choice": (f'{BASE}[vision]\n[record]\npictures = "all"\n', '[record] pictures = "all": accepted: "detections" | an integer from 0 to 100000'),
     "a preview for everyone": (f'{BASE}[vision]\npreview = "0.0.0.0:8089"\n', '[vision] preview = "0.0.0.0:8089": beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of 16 characters or more, or 127.0.0.1:PORT'),
     "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
+    "a target of another motion": (f'{BASE}[[target]]\nlabel = "a"\nmotion = "moving"\n', '[[target]] 1 motion = "moving": the tracker takes all targets as [tracking] motion; accepted: "static"'),
     "a target below the ground": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = -1.0\n', "[[target]] 1 height_m = -1.0: accepted: a number from 0 to 1000"),
     "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, target, landmark, ground, uncertainty, tracking, publish, act, fleet, record, state, status"),
 }  # fmt: skip
