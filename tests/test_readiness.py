@@ -1,5 +1,6 @@
 """Readiness in flight: reported when it can be judged, on each change, on arming; alike to the log and the ground."""
 
+import re
 from collections.abc import Mapping
 from math import radians
 from typing import Any
@@ -274,3 +275,26 @@ def test_slow_attitudes_of_an_autopilot_that_grants_no_rate_are_not_blamed_on_ot
     flown = flight("unbiased", **AUTOPILOTS["mute"][1])
     text = flown.companion.texts(NoticeCode.NOT_READY_SLOW_ATTITUDE)[0]
     assert text.endswith("the autopilot answers no rate request: set its telemetry rate, or lower [rates] attitude")
+
+
+class Stuttering(Companion):
+    """Gets each frame several times: a detector that sends it to two addresses, or a network that repeats datagrams."""
+
+    copies = 7
+
+    def on_frame(self, frame: Mapping[str, object], now_ns: int) -> list[bytes]:
+        return [data for _ in range(self.copies) for data in super(Stuttering, self).on_frame(frame, now_ns)]
+
+
+def test_copies_of_frames_neither_raise_the_cameras_rate_nor_make_the_vehicle_unready():
+    mock = simulate(scenario("default").but({"seconds": 10.0, "autopilot.arms_at_s": None}))
+    companion = Stuttering(unix_minus_host_s=mock.unix_minus_host_s)
+    for _ in mock.drive(companion):
+        pass
+    codes = [code for code in companion.codes if code is NoticeCode.READY or code in NOT_READY]
+    assert codes == [NoticeCode.READY]
+    camera, once = [
+        int(re.search(r"camera (\d+)/s", each.texts(NoticeCode.READY)[0])[1])
+        for each in (companion, flight("default").companion)
+    ]
+    assert camera == once
