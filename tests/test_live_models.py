@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -43,6 +44,9 @@ def test_a_layout_that_fifty_pictures_do_not_tell_stops_vision_with_an_error(sit
         (line,) = [line for line in service.said.splitlines() if "detection stops" in line]
         assert "ERROR" in line
         assert "model_format = yolonas | nms7" in line
+        said_s = time.monotonic()
+        while site.status()["time_monotonic"] < said_s:  # written once a second, and check reads it
+            time.sleep(0.05)
         command = [sys.executable, "-m", "fwav_companion", "check", "--config", "fwav-companion.toml", "--json"]
         checked = subprocess.run(command, capture_output=True, text=True, cwd=site.folder, timeout=60)
         findings = {finding["code"]: finding for finding in json.loads(checked.stdout.splitlines()[-1])["findings"]}
