@@ -8,6 +8,7 @@ in two goes to the next chunk, and spaces fill the gap.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import filterfalse
 
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -59,12 +60,12 @@ class TargetNotices:
                     text = f"found {_name(track)}: {_place(track, situation)}"
                     notices.append(_notice(NoticeCode.TARGET_FOUND, text))
                 self._found[track.id] = track
-        dropped = {track.id: track for track in tracks if track.state is TrackState.DROPPED}
-        for number in [number for number in self._found if number not in live]:
+        for number in list(filterfalse(live.__contains__, self._found)):
             known = self._found.pop(number)
             same = successor(number, live.values())
             if same is None:
-                notices.append(_lost(dropped.get(number, known), situation))
+                ended = next((track for track in tracks if track.id == number), known)
+                notices.append(_lost(ended, situation))
             else:
                 text = f"{_name(known)} is {_name(live[same])}: {_place(live[same], situation)}"
                 notices.append(_notice(NoticeCode.TARGET_MERGED, text))

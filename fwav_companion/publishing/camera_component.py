@@ -90,7 +90,7 @@ class CameraComponent:
                 self._places[track.id] = place
         if host_ns is None:
             return
-        self._pictures.add(host_ns, (Mark(number, place.point, place.box) for number, place in self._places.items()))
+        self._pictures.add(host_ns, [Mark(number, place.point, place.box) for number, place in self._places.items()])
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
         """Statuses that are due: while a target is selected, and :data:`IDLE_REPEATS` times afterwards."""
