@@ -23,6 +23,7 @@ SENDERS = ((1, 1), (1, 191), (1, 100), (255, 190), (2, 1), (1, 154), (0, 0), (42
 PHASES = {"before": 0, "flying": 5000, "lost": 5000}
 """Milliseconds of flight before the attack; in ``lost`` the autopilot is silent through it."""
 MOVED_BY_THE_VEHICLE = ("autopilot", "autopilot_lost", "adopted_s", "clock", "origin", "parameters", "telemetry")
+PAYLOAD = '[[link]]\nname = "payload"\nurl = "udpin://127.0.0.1:14560"\nrole = "payload"\n'
 ACCEPTING = LINKS + '[signing]\nkey_file = "signing.key"\naccept_unsigned = ["autopilot"]\n'
 
 
@@ -54,7 +55,7 @@ def vehicle_state(daemon: Daemon) -> dict[str, object]:
 
 def attack(link: str, phase: str, seed: int) -> tuple[int, Daemon, Daemon]:
     """(number of frames, the attacked daemon, the other one) after an attack of one link."""
-    attacked, calm = Daemon(), Daemon()
+    attacked, calm = Daemon(PAYLOAD + LINKS), Daemon(PAYLOAD + LINKS)
     for daemon in (attacked, calm):
         if PHASES[phase]:
             daemon.fly(PHASES[phase])
@@ -81,7 +82,21 @@ def test_no_forged_frame_on_a_stations_link_moves_the_vehicles_state_or_stops_th
             sent = attacked.sent
             attacked.fly(1100)
             assert attacked.sent > sent, "it is silent"
-    assert count >= 17_000
+    assert count >= 23_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", PHASES)
+def test_forged_frames_on_a_payloads_link_never_count_as_the_autopilots(phase):
+    """A payload is believed for its own components, of which the status names a gimbal."""
+    number, attacked, calm = attack("payload", phase, 11)
+    assert number >= 3_900
+    state = vehicle_state(attacked)
+    assert state.pop("telemetry") | {"gimbal_unused": None} == vehicle_state(calm)["telemetry"]
+    assert state == {name: each for name, each in vehicle_state(calm).items() if name != "telemetry"}
+    sent = attacked.sent
+    attacked.fly(1100)
+    assert attacked.sent > sent
 
 
 @pytest.mark.slow
@@ -89,7 +104,7 @@ def test_no_forged_frame_on_a_stations_link_moves_the_vehicles_state_or_stops_th
 def test_forged_frames_on_the_vehicles_link_leave_the_service_running(phase):
     """Who can write to that wire can mislead, but not stop us: its autopilot is heard again afterwards."""
     number, attacked, _ = attack("autopilot", phase, 7)
-    assert number >= 2_800
+    assert number >= 3_900
     sent = attacked.sent
     attacked.fly(1100)
     assert attacked.sent > sent

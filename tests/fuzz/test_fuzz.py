@@ -13,8 +13,8 @@ HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
 VARIATIONS = 60
 """Of the corpus of one target."""
-SECONDS = 300
-"""For all targets together."""
+SECONDS = 10
+"""For each target."""
 
 
 def varied(data: bytes, other: bytes, draw: random.Random) -> bytes:
@@ -51,10 +51,10 @@ def test_the_corpus_and_variations_of_it_are_read_or_refused(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(SECONDS)
+@pytest.mark.timeout(300)
 @pytest.mark.skipif(find_spec("atheris") is None, reason="atheris is not installed")
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_fuzzer_that_follows_coverage_finds_nothing(name: str) -> None:
-    command = [sys.executable, str(HERE / "run.py"), name, "--seconds", str(SECONDS / len(TARGETS))]
+    command = [sys.executable, str(HERE / "run.py"), name, "--seconds", str(SECONDS)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
