@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from importlib.resources.abc import Traversable
 from mimetypes import guess_type
 from typing import TypeAlias
@@ -13,6 +14,7 @@ from typing import TypeAlias
 import msgspec
 from aiohttp import web
 
+from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import UserError
 from fwav_companion.ground.access import COOKIE, SECURITY_HEADERS, AccessRules
 from fwav_companion.ground.connections import QuietLog, WaitingConnections
@@ -42,6 +44,7 @@ class GuardedSite:
         """``page_files``: files below /page/ by name; no other file is served. ``settings``: what the page reads."""
         self._rules, self._index_file, self._page_files = rules, index, page_files
         self._settings, self._tiles = settings, tiles
+        self._tile_turn = asyncio.Lock()
         self._runner: web.AppRunner | None = None
         self._waiting: WaitingConnections | None = None
         self._sweeping: asyncio.Task[None] | None = None
@@ -116,10 +119,15 @@ class GuardedSite:
 
     async def _tile(self, request: web.Request) -> web.Response:
         place = [int(request.match_info[name][:9]) for name in ("zoom", "column", "row")]
-        found = None if self._tiles is None else self._tiles.tile(*place)
+        found = None if self._tiles is None else await self._found(self._tiles, place)
         if found is None:
             raise web.HTTPNotFound
         return web.Response(body=found[1], content_type=found[0], headers={"Cache-Control": "max-age=3600"})
+
+    async def _found(self, tiles: TileFile, place: Sequence[int]) -> tuple[str, bytes] | None:
+        """Look one tile up beside the loop: a file may make a query last for seconds."""
+        async with self._tile_turn:
+            return await in_daemon_thread(partial(tiles.tile, *place), name="map tile")
 
 
 def json_response(value: object) -> web.Response:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
 from math import isfinite
 from pathlib import Path
 from urllib.parse import quote
@@ -44,6 +45,9 @@ class TileFile:
             raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
         self._database.set_progress_handler(self._exceeds, STEPS)
         self._steps = 0
+        self._closing = False
+        self._query = threading.Lock()
+        """Held while the file is asked."""
         try:
             self.info = _info(self._database)
         except (sqlite3.Error, LookupError, ValueError, TypeError, OverflowError) as error:
@@ -51,17 +55,21 @@ class TileFile:
             raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
 
     def tile(self, zoom: int, column: int, row: int) -> tuple[str, bytes] | None:
-        """Type and bytes of a tile in XYZ numbering; None where the file has none. MBTiles counts rows from south."""
+        """Type and bytes of a tile in XYZ numbering; None where the file has none. MBTiles counts rows from south.
+
+        It may take seconds, and may be called from any thread.
+        """
         if not (0 <= zoom <= MAX_ZOOM and 0 <= column < 1 << zoom and 0 <= row < 1 << zoom):
             return None
-        self._steps = 0
-        try:
-            found = self._database.execute(
-                "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
-                (zoom, column, (1 << zoom) - 1 - row),
-            ).fetchone()
-        except sqlite3.Error:  # a damaged page, or a query without an end
-            return None
+        with self._query:
+            self._steps = 0
+            try:
+                found = self._database.execute(
+                    "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+                    (zoom, column, (1 << zoom) - 1 - row),
+                ).fetchone()
+            except sqlite3.Error:  # a damaged page, a query without an end, or a closed file
+                return None
         if found is None or not isinstance(found[0], bytes) or len(found[0]) > MAX_TILE_BYTES:
             return None
         kind = next((mime for start, mime in MIME.items() if found[0].startswith(start)), None)
@@ -70,11 +78,13 @@ class TileFile:
     def _exceeds(self) -> bool:
         """Count the instructions of a query; true ends it."""
         self._steps += STEPS
-        return self._steps > MOST_STEPS
+        return self._closing or self._steps > MOST_STEPS
 
     def close(self) -> None:
-        """Release the file."""
-        self._database.close()
+        """Release the file. A query in another thread ends first, within milliseconds."""
+        self._closing = True
+        with self._query:
+            self._database.close()
 
 
 def _info(database: sqlite3.Connection) -> TilesInfo:

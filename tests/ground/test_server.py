@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 
 import pytest
@@ -193,6 +194,29 @@ def test_tiles_are_counted_from_the_north(tmp_path, picture):
         assert get(port, "/tiles/2/1/3")[0] == 404
         assert get(port, "/tiles/99/1/3")[0] == 404
         assert json.loads(get(port, "/settings.json")[2])["tiles"]["max_zoom"] == 2
+
+
+def test_a_tile_that_takes_long_holds_up_no_other_request(tmp_path, picture):
+    tiles, answered, asked = (
+        TileFile(tile_file(tmp_path / "a.mbtiles", format="png")),
+        threading.Event(),
+        threading.Event(),
+    )
+    look_up = tiles.tile
+
+    def slow(*place: int) -> tuple[str, bytes] | None:
+        asked.set()
+        assert answered.wait(20.0)
+        return look_up(*place)
+
+    tiles.tile = slow
+    with served(picture, tiles=tiles) as port, ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(get, port, "/tiles/2/1/0")
+        assert asked.wait(20.0)
+        assert get(port, "/settings.json")[0] == 200
+        assert not waiting.done()
+        answered.set()
+        assert waiting.result(20.0)[2] == PNG
 
 
 def test_a_taken_port_is_one_line(port, picture):

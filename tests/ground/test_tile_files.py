@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 
 import pytest
@@ -46,3 +49,32 @@ def test_tiles_whose_table_never_ends_are_one_line(tmp_path, monkeypatch):
         database.commit()
     with pytest.raises(InputFileError, match="interrupted"):
         TileFile(path)
+
+
+def test_closing_ends_a_query_that_goes_on(tmp_path):
+    path = tile_file(tmp_path / "e.mbtiles", format="png")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TABLE tiles")
+        database.execute(
+            "CREATE VIEW tiles AS WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c WHERE n < 100000)"
+            " SELECT 1 AS zoom_level, n AS tile_column, 1 AS tile_row, x'ff' AS tile_data FROM c"
+        )
+        database.commit()
+    tiles, counted, going = TileFile(path), [], threading.Event()
+    exceeds = tiles._exceeds
+
+    def count() -> bool:
+        counted.append(1)
+        going.set()
+        while not tiles._closing:
+            time.sleep(0.001)
+        return exceeds()
+
+    tiles._database.set_progress_handler(count, tile_limits.STEPS)
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(tiles.tile, 1, 0, 0)
+        assert going.wait(20.0)
+        tiles.close()
+        assert asked.result(20.0) is None
+    assert len(counted) == 1, "the query went on"
+    assert tiles.tile(1, 0, 0) is None
