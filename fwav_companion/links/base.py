@@ -6,6 +6,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Protocol, TypeAlias
 
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.types.network_status import LinkReport
 
 DRAIN_LIMIT = 64
@@ -62,10 +63,10 @@ class Link(Protocol):
     def start(self) -> None:
         """Begin to connect. Called once, from a running loop."""
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
         """Send whole frames without blocking. Frames that cannot leave soon are dropped and counted, never cut.
 
-        ``own``: the service's messages, which leave before forwarded frames that wait.
+        ``origin``: where forwarded frames came from; None for the service's messages, which leave before them.
         """
 
     def poll(self) -> None:
@@ -91,7 +92,7 @@ class Traffic:
         self.bytes_in = 0
         self.bytes_out = 0
         self.dropped = 0
-        """Number of ``send`` calls whose bytes did not leave."""
+        """Number of writes, a slow line's of at most 280 bytes, that did not leave."""
         self.source = ""
         """Host from which the bytes came that are being passed on; "" where a link has only one peer."""
 
@@ -120,7 +121,7 @@ class LinkReceiver:
 class Connection(Protocol):
     """One open connection. It is used once: after its loss the opener opens another."""
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
         """Send whole frames as :meth:`Link.send` does."""
 
     def poll(self) -> None:

@@ -20,6 +20,7 @@ from fwav_companion.links.base import (
     Opener,
     Traffic,
 )
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 from fwav_companion.types.network_status import LinkReport
 
@@ -91,13 +92,13 @@ class StayingConnected:
         self._task = asyncio.get_running_loop().create_task(self._stay_connected(), name=f"link {self.name}")
         self._task.add_done_callback(_tell_fault)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
-        """Send whole frames now, or drop and count them. ``own``: before forwarded frames that wait."""
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
+        """Send whole frames now, or drop and count them. ``origin``: None for the service's own."""
         connection = self._connection
         if connection is None:
             self._traffic.dropped += 1
         else:
-            connection.send(data, own=own)
+            connection.send(data, origin=origin)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""

@@ -19,6 +19,7 @@ from serial.tools import list_ports
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import STREAM_READ_BYTES, Connection, LinkReceiver
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.types.network_status import LinkReport
@@ -173,9 +174,9 @@ class SerialConnection:
         self._writer = BoundedWriter(self._fd, partial(os.write, self._fd), capacity, receiver)
         self._loop.add_reader(self._fd, self._read)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
         """Write whole frames now, or queue them."""
-        self._writer.send(data, own=own)
+        self._writer.send(data, origin=origin)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""

@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Callable
 
 from fwav_companion.links.base import LinkReceiver
-
-V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
-V1_AROUND, V2_AROUND = 8, 12
-"""Bytes of a frame without its payload: header and checksum."""
-SIGNATURE_BYTES = 13
-SIGNED_FLAG = 0x01
-"""Bit of a v2 frame's third byte."""
+from fwav_companion.links.fair_frame_queue import PIECE_BYTES, FairFrameQueue, Origin, length_at
 
 
 class FrameCutter:
@@ -34,7 +27,7 @@ class FrameCutter:
             data = self._begun + data
         at, end = 0, len(data)
         while at < end:
-            step = _length_at(data, at)
+            step = length_at(data, at)
             if at + step > end:
                 break
             at += step
@@ -42,25 +35,11 @@ class FrameCutter:
         return data[:at] if self._begun else data
 
 
-def _length_at(data: bytes, at: int) -> int:
-    """Length of the frame that begins here; 1 if no frame does; more than the rest of the data if its header is cut."""
-    magic = data[at]
-    if magic not in (V1_MAGIC, V2_MAGIC):
-        return 1
-    if len(data) - at < 3:
-        return 3
-    payload = data[at + 1]
-    if magic == V1_MAGIC:
-        return payload + V1_AROUND
-    return payload + V2_AROUND + (SIGNATURE_BYTES if data[at + 2] & SIGNED_FLAG else 0)
-
-
 class BoundedWriter:
-    """Writes the bytes that the system accepts, queues the rest, and drops the oldest unbegun chunk of a full queue.
+    """Writes the bytes that the system accepts, queues the rest, and drops from a full queue.
 
-    The newest telemetry is the most useful. A chunk is always completed once its first bytes have left. The service's
-    own chunks leave before forwarded ones and are dropped last: whoever sends more to another link than this line takes
-    must not keep LANDING_TARGET, heartbeats and the clock's requests from the autopilot.
+    Frames are always completed once their first bytes have left. Which leave and are dropped first: see
+    :class:`FairFrameQueue`.
     """
 
     def __init__(self, fd: int, write: Callable[[bytes], int], capacity: int, receiver: LinkReceiver) -> None:
@@ -71,50 +50,65 @@ class BoundedWriter:
         self._receiver = receiver
         self._loop = asyncio.get_running_loop()
         self._begun = b""
-        """Rest of the chunk whose first bytes have left."""
-        self._own: deque[bytes] = deque()
-        self._forwarded: deque[bytes] = deque()
-        self._waiting_bytes = 0
+        """Rest of the frames whose first bytes have left."""
+        self._waiting = FairFrameQueue()
         self._watching = False
         """Whether the loop reports when the system has room: exactly while bytes are left to write."""
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
-        """Write whole frames, now or when there is room. ``own``: before forwarded ones."""
-        (self._own if own else self._forwarded).append(data)
-        self._waiting_bytes += len(data)
-        if not self._watching:
-            self._write_on()
-        while self._waiting_bytes > self._capacity:
-            self._waiting_bytes -= len((self._forwarded or self._own).popleft())
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
+        """Write whole frames, now or when there is room. ``origin``: None for the service's own."""
+        left = data if self._watching else self._write_now(data, divides=origin is not None)
+        if left:
+            self._waiting.put(left, origin)
+        while self._waiting.bytes > self._capacity:
+            self._waiting.drop()
             self._receiver.traffic.dropped += 1
+        self._watch()
 
     def close(self) -> None:
         """Discard the waiting bytes."""
         self._begun = b""
-        self._own.clear()
-        self._forwarded.clear()
+        self._waiting.clear()
         self._watch()
+
+    def _write_now(self, data: bytes, *, divides: bool) -> bytes:
+        """Write to a line that nothing waits for. Returns frames that it did not begin, if ``divides``."""
+        written = self._written(data)
+        if not written or written == len(data):
+            return data[written:]
+        end = 0 if divides and len(data) > PIECE_BYTES else len(data)
+        while end < written:
+            end += length_at(data, end)
+        self._begun = data[written:end]
+        return data[end:]
 
     def _write_on(self) -> None:
         """Write until nothing is left or the system accepts no more."""
-        try:
-            while self._begun or self._own or self._forwarded:
-                if not self._begun:
-                    self._begun = (self._own or self._forwarded).popleft()
-                    self._waiting_bytes -= len(self._begun)
-                written = self._write(self._begun)
-                self._receiver.traffic.bytes_out += written
-                self._begun = self._begun[written:]
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            self.close()
-            self._receiver.on_lost(error.strerror or str(error))
+        while self._begun or self._waiting.bytes:
+            if not self._begun:
+                self._begun = self._waiting.take()
+            written = self._written(self._begun)
+            if not written:
+                break
+            self._begun = self._begun[written:]
         self._watch()
+
+    def _written(self, data: bytes) -> int:
+        """Return the number of bytes that the system accepts; of a lost line it takes all."""
+        try:
+            written = self._write(data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            self._waiting.clear()
+            self._receiver.on_lost(error.strerror or str(error))
+            return len(data)
+        self._receiver.traffic.bytes_out += written
+        return written
 
     def _watch(self) -> None:
         """Register with the loop while something is left to write, and unregister afterwards."""
-        wanted = bool(self._begun or self._own or self._forwarded)
+        wanted = bool(self._begun or self._waiting.bytes)
         if wanted and not self._watching:
             self._loop.add_writer(self._fd, self._write_on)
         elif self._watching and not wanted:

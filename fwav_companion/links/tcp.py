@@ -8,6 +8,7 @@ import socket
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, LinkReceiver, Opener
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -99,9 +100,9 @@ class TcpStream:
         self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, receiver)
         self._loop.add_reader(sock, self._read)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
         """Write whole frames now, or queue them."""
-        self._writer.send(data, own=own)
+        self._writer.send(data, origin=origin)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes."""
@@ -146,10 +147,10 @@ class TcpServer:
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:
         """Send to each client. Without clients nothing is counted as dropped."""
         for client in list(self._clients.values()):
-            client.send(data, own=own)
+            client.send(data, origin=origin)
 
     def poll(self) -> None:
         """Pass on a bounded part of the received bytes of each client."""

@@ -16,6 +16,7 @@ from typing import Final
 from fwav_companion.addresses import resolve
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import Connection, LinkReceiver
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.tcp import CONNECT_WAIT_S, QUEUE_BYTES, connected
 from fwav_companion.links.url import TlsUrl
 from fwav_companion.types.network_status import LinkReport
@@ -142,7 +143,7 @@ class TlsStream(asyncio.Protocol):
             self._waiting_bytes -= len(data)
             self._write(data)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # all is the service's own
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:  # noqa: ARG002  # all is the service's own
         """Write a whole chunk now, or queue it; a full queue drops its oldest."""
         if not self._full:
             self._write(data)

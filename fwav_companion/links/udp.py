@@ -11,6 +11,7 @@ import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, SLICE_BYTES, Connection, LinkReceiver
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.udp_clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -126,7 +127,7 @@ class UdpSocket:
 class UdpClient(UdpSocket):
     """Sends to one peer, and receives from it only."""
 
-    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:  # noqa: ARG002  # no frame waits here
         """Send one datagram to the peer. A refusal reported here belongs to an earlier one: this one is sent again."""
         try:
             try:
@@ -146,7 +147,7 @@ class UdpBroadcaster(UdpSocket):
         super().__init__(sock, receiver)
         self._address = address
 
-    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:  # noqa: ARG002  # no frame waits here
         """Broadcast one datagram."""
         self._send_to(self._address, data)
 
@@ -159,7 +160,7 @@ class UdpServer(UdpSocket):
         self._clients = Clients()
         self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)
 
-    def send(self, data: bytes, *, own: bool = False) -> None:  # noqa: ARG002  # no frame waits here
+    def send(self, data: bytes, *, origin: Origin | None = None) -> None:  # noqa: ARG002  # no frame waits here
         """Send one datagram to each client. Without clients nothing is counted as dropped."""
         for address in self._clients:
             self._send_to(address, data)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.links.fair_frame_queue import HELD, Origin
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.mavlink.router.node import PassedRequest, Received
 from fwav_companion.service.camera_desk import CameraDesk
@@ -66,8 +67,9 @@ class Dispatcher:
         if len(data) > SMALL_BYTES:
             self._poll_autopilots(link)
         now = self._clock.now()
-        received = self._node.receive(link, data, now, self.links[link].source)
-        self._take(received, now)
+        source = self.links[link].source
+        received = self._node.receive(link, data, now, source)
+        self._take(received, now, origin=(link, source))
         return received.subscribes
 
     def _poll_autopilots(self, link: str) -> None:
@@ -76,9 +78,9 @@ class Dispatcher:
             for first in self._first:
                 first.poll()
 
-    def _take(self, received: Received, now: HostNs) -> None:
+    def _take(self, received: Received, now: HostNs, *, origin: Origin = HELD) -> None:
         followed = self._follow(received.rate_requests, now) if received.rate_requests else ()
-        self._outbox.forward(received.forwards, followed, now)
+        self._outbox.forward(received.forwards, followed, now, origin=origin)
         self._journal.received(received.frames, now)
         if not received.messages and not received.rate_requests:
             if self._node.wake_at is not None:  # an incomplete frame waits, and may get no further byte

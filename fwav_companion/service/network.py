@@ -11,6 +11,7 @@ from fwav_companion.config.rules import CAMERA_COMPONENT_ID
 from fwav_companion.errors import ConfigError, EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
+from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.mavlink.wire.definitions import BY_NAME
@@ -63,17 +64,19 @@ class Outbox:
     def send(self, messages: Sequence[Outgoing], datagrams: Sequence[bytes], now: HostNs) -> None:
         """Send all messages in order. A message that cannot be encoded is an internal fault; the others are sent."""
         for name, data in coalesced(self._frames(messages, now)):
-            self._links[name].send(data, own=True)
+            self._links[name].send(data)
         if self._map_link is not None:
             for datagram in datagrams:
                 self._map_link.send(datagram)
 
-    def forward(self, forwards: Sequence[tuple[str, bytes]], followed: Sequence[Outgoing], now: HostNs) -> None:
+    def forward(
+        self, forwards: Sequence[tuple[str, bytes]], followed: Sequence[Outgoing], now: HostNs, *, origin: Origin
+    ) -> None:
         """Forward received frames unchanged, followed by the service's own messages, in one write for each link."""
         if followed:
             forwards = coalesced([*forwards, *self._frames(followed, now)])
         for name, data in forwards:
-            self._links[name].send(data)
+            self._links[name].send(data, origin=origin)
 
     def _frames(self, messages: Sequence[Outgoing], now: HostNs) -> list[tuple[str, bytes]]:
         sends: list[tuple[str, bytes]] = []

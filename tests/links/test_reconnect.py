@@ -20,7 +20,7 @@ class Plug:
         self.sent: list[bytes] = []
         self.closed = 0
 
-    def send(self, data: bytes, *, own: bool) -> None:
+    def send(self, data: bytes, *, origin: object) -> None:
         self.sent.append(data)
 
     def close(self) -> None:

@@ -204,14 +204,33 @@ def test_on_a_line_that_others_fill_the_services_own_messages_leave_first_and_wh
         with started(f"serial://{terminal.path}:57600", listener) as link:
             await listener.until_up()
             for i in range(1000):
-                link.send(b"f" * 200)
+                link.send(b"f" * 200, origin=("ground", ""))
                 if i % 50 == 49:
-                    link.send(b"own" + bytes((i // 50,)), own=True)
+                    link.send(b"own" + bytes((i // 50,)))
             data = await terminal.read(200 * (1000 - int(link.status().dropped)) + 20 * 4)
         last_own = data.index(b"own\x13")
         assert [data[at + 3] for at in range(len(data)) if data[at : at + 3] == b"own"] == list(range(20))
         assert last_own < len(data) - 2000, "they left behind the waiting frames"
         assert len(data.replace(b"f" * 200, b"")) == 80, "a frame was cut"
+
+    run(story())
+
+
+def test_a_burst_that_the_line_begins_delays_the_services_own_messages_by_one_frame(terminal: Terminal):
+    """A read of a station's link is 32 kB: all its frames used to leave in one piece, for six seconds at 57600 baud."""
+
+    async def story() -> None:
+        listener = Listener()
+        heartbeat = bytes.fromhex("fd 09 00 00 00 ff be 00 00 00 00 00 00 00 06 08 00 04 03 00 00")
+        with started(f"serial://{terminal.path}:57600", listener) as link:
+            await listener.until_up()
+            link.send(heartbeat * 5000, origin=("ground", ""))
+            link.send(b"own")
+            begun = link.status().bytes_out
+            left = begun + 2000
+            data = await terminal.read(left)
+        assert begun <= data.index(b"own") < begun + 21
+        assert data.replace(b"own", b"") == (heartbeat * 5000)[: left - 3], "a frame was cut"
 
     run(story())
 

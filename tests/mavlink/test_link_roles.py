@@ -213,3 +213,14 @@ def test_a_vehicle_of_system_0_is_not_reported_by_a_station(link: str, read: lis
     net.node.adopt(1, 1, vehicle=0)
     frame = Wire(0, 154).frame("GIMBAL_MANAGER_STATUS", 1, 0, 1, 1, 191, 0, 0)
     assert [message.name for message in net.feed(link, frame).messages] == read
+
+
+def test_frames_of_a_payload_that_a_station_forged_in_advance_are_read() -> None:
+    """A gimbal's heartbeat has 256 variants, by its sequence number: a stranger sends all of them beforehand."""
+    net, gimbal, forger = Net(), Wire(1, 154), Wire(1, 154)
+    net.feed("mavros", gimbal.frame("DEBUG", 1, 0, 0.0))
+    for _ in range(3):
+        net.feed("ground", *(forger.heartbeat(26, INVALID) for _ in range(256)))
+        received = net.feed("mavros", gimbal.heartbeat(26, INVALID))
+        assert [(message.name, message.link) for message in received.messages] == [("HEARTBEAT", "mavros")]
+    assert net.count("duplicates", "mavros") == 0

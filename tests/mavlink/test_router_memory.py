@@ -80,6 +80,48 @@ def test_invented_senders_do_not_take_a_genuine_stations_route() -> None:
     assert "ground" in [name for name, _ in node.receive("autopilot", answer, now).forwards]
 
 
+def keep_alive_invented_senders(node: Node, now: HostNs, source: str) -> HostNs:
+    """As many senders as the tables hold, each heard over three seconds."""
+    for seq in range(4):
+        for number in range(MAX_PEERS):
+            node.receive("ground", frame(0, 2 + number // 100, 1 + number % 100, seq), now, source)
+        now = HostNs(now + NS_PER_S)
+    return now
+
+
+def test_invented_senders_that_stay_keep_no_component_from_the_vehicles_links() -> None:
+    """The autopilot's line is unplugged for a moment: what it had in the tables is gone."""
+    node, vehicle, station = Node(LINKS, WANTED), Wire(1, 1), Wire(255, 190)
+    node.adopt(1, 1)
+    now = HostNs(1000 * NS_PER_S)
+    node.receive("autopilot", vehicle.heartbeat(), now)
+    node.receive("tablet", station.heartbeat(6, 8), now, "10.0.0.2")
+    now = keep_alive_invented_senders(node, now, "10.0.0.66")
+    node.link_down("autopilot")
+    now = keep_alive_invented_senders(node, now, "10.0.0.66")
+    node.link_up("autopilot")
+    node.receive("autopilot", vehicle.heartbeat(), now)
+    forwards = node.receive("tablet", station.command(1, 1), now, "10.0.0.2").forwards
+    assert [name for name, _ in forwards] == ["autopilot"]
+
+
+def test_invented_senders_of_one_host_keep_no_station_of_another_out() -> None:
+    node, vehicle, station = Node(LINKS, WANTED), Wire(1, 1), Wire(255, 190)
+    node.adopt(1, 1)
+    now = HostNs(1000 * NS_PER_S)
+    node.receive("autopilot", vehicle.heartbeat(), now)
+    now = keep_alive_invented_senders(node, now, "10.0.0.66")
+    node.receive("ground", station.heartbeat(6, 8), now, "10.0.0.2")
+    answer = vehicle.frame("COMMAND_ACK", 400, 0, 0, 0, 255, 190)
+    assert [name for name, _ in node.receive("autopilot", answer, now).forwards] == ["ground"]
+    assert node._router._tables.peers == sum(len(port.peers) for port in node._router.ports) <= MAX_PEERS
+    for number in range(60):  # and the station stays, though the others come again
+        now = HostNs(now + 25 * NS_PER_MS)
+        node.receive("ground", frame(0, 100 + number, 1, 0), now, "10.0.0.66")
+    answer = vehicle.frame("COMMAND_ACK", 400, 1, 0, 0, 255, 190)
+    assert [name for name, _ in node.receive("autopilot", answer, now).forwards] == ["ground"]
+
+
 @pytest.mark.parametrize("restarts", [3])
 def test_the_count_of_streams_follows_what_is_forgotten(restarts: int) -> None:
     node = Node(LINKS, WANTED)

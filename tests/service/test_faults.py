@@ -26,8 +26,8 @@ class Wire:
     def __init__(self) -> None:
         self.sent = b""
 
-    def send(self, data: bytes, *, own: bool) -> None:
-        assert own, "it would wait behind forwarded frames"
+    def send(self, data: bytes, *, origin: object = None) -> None:
+        assert origin is None, "it would wait behind forwarded frames"
         self.sent += data
 
 

@@ -13,6 +13,7 @@ from configured_links import AUTOPILOT, GROUND, TABLET
 
 from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
+from fwav_companion.links.fair_frame_queue import HELD, Origin
 from fwav_companion.mavlink.router.node import Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.network import Outbox, make_node
@@ -145,25 +146,25 @@ class MergedNetwork:
         now = self._instant(now_ns)
         for station in self.stations:
             for frame in station.take_due(self.now_s):
-                self._take(self.node.receive(station.link, frame, now), now)
+                self._take(self.node.receive(station.link, frame, now), now, (station.link, ""))
         if self.node.wake_at is not None and self.node.wake_at <= now:
-            self._take(self.node.on_wake(now), now)
+            self._take(self.node.on_wake(now), now, HELD)
         self.pipeline.advance(now)
         self._flush(now)
         return self._sent()
 
     def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
         now = self._instant(now_ns)
-        self._take(self.node.receive("autopilot", data, now), now)
+        self._take(self.node.receive("autopilot", data, now), now, ("autopilot", ""))
         return self._sent()
 
     def on_frame(self, _frame: dict[str, Any], _now_ns: int) -> list[bytes]:
         return []
 
-    def _take(self, received: Received, now: HostNs) -> None:
+    def _take(self, received: Received, now: HostNs, origin: Origin) -> None:
         """Handle a received message as the daemon does."""
         followed = self.pipeline.on_rate_requests(received.rate_requests, self.node.demanded, now)
-        self._outbox.forward(received.forwards, followed, now)
+        self._outbox.forward(received.forwards, followed, now, origin=origin)
         for message in received.messages:
             self.pipeline.on_message(message, now)
         self._flush(now)
@@ -178,14 +179,14 @@ class MergedNetwork:
         self.notices += [notice.text for notice in outputs.notices]
 
     def _to_stations(self, link: str) -> Callable[[bytes], None]:
-        def send(data: bytes, **_order: bool) -> None:
+        def send(data: bytes, **_order: object) -> None:
             for station in self.stations:
                 if station.link == link:
                     station.hear(data, self.now_s)
 
         return send
 
-    def _to_autopilot(self, data: bytes, **_order: bool) -> None:
+    def _to_autopilot(self, data: bytes, **_order: object) -> None:
         self._out.append(data)
         self.to_autopilot.append((self.now_s, data))
 

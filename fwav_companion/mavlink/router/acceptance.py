@@ -89,6 +89,15 @@ class Acceptance:
         """Return whether the frame arrived lately by another link."""
         return self._duplicates.came_first_by(frame.data, port.index) != port.index
 
+    def is_genuine(self, port: Port, frame: RawFrame) -> bool:
+        """Return whether a frame of the vehicle's links counts though the same bytes came first on a station's link.
+
+        Its sender is heard here and not there: those bytes were forged in advance. A heartbeat has 256 variants.
+        """
+        first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
+        sender = frame.system << 8 | frame.component
+        return first.is_gcs and not port.is_gcs and sender in port.peers and sender not in first.peers
+
     def forwards_of_refused(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:
         """Return (link, frame) for a frame that taught no route: to an autopilot, from a second program with our
         ids.

@@ -215,7 +215,7 @@ class Node:
         """
         received = Received([], [], frames)
         router, link, forward, read = self._router, port.index, received.forwards.append, self._reader.read
-        count = self._foreign.add
+        count, genuine = self._foreign.add, self._acceptance.is_genuine
         has_key = self._keyring.has_key
         router.sweep(now)
         young, old = self._duplicates.generations(now)
@@ -234,7 +234,7 @@ class Node:
                 peer.on_gap(seq, now)
             peer.last_ns = now
             stream.count += 1
-            if old.get(data, link) != link or young.setdefault(data, link) != link:
+            if (old.get(data, link) != link or young.setdefault(data, link) != link) and not genuine(port, frame):
                 port.duplicates += 1
                 received.copied |= frame.known
                 dropped.append(frame)

@@ -17,8 +17,9 @@ SILENT_NS: Final = 60 * NS_PER_S
 that fades for some seconds would be lost; later, a few bytes are wasted on a link where it is no longer heard."""
 MAX_PEERS: Final = 512
 """Most peers on all links together: 128 vehicles with four components each, 0.5 kB each without their streams. Beyond
-it, peers that were heard only for a moment are removed, then silent ones. If there are none, a newcomer teaches no
-route: invented senders do not take the place of a peer that is heard."""
+it, peers that were heard only for a moment are removed, then silent ones. If there are none, the host with most on
+stations' links yields one to a host with fewer, or to the vehicle's links; otherwise a newcomer teaches no route:
+invented senders do not take the place of a peer that is heard, and keep no other host out."""
 ESTABLISHED_NS: Final = NS_PER_S
 """Time over which a peer must be heard before a newcomer cannot take its place."""
 ABSENT_NS: Final = 5 * NS_PER_S
@@ -96,11 +97,14 @@ class Peer:
         "next_seq",
         "repeated",
         "since_ns",
+        "source",
         "streams",
         "system",
     )
 
-    def __init__(self, frame: RawFrame, now: HostNs) -> None:
+    def __init__(self, frame: RawFrame, now: HostNs, source: str = "") -> None:
+        self.source = source
+        """Host that it was first heard from; "" where the link has only one peer."""
         self.system = frame.system
         self.component = frame.component
         self.since_ns = self.last_ns = now

@@ -144,7 +144,9 @@ class Router:
         """Autopilot's (system << 8 | component); None before the vehicle is known."""
         self.version = 0
         """Version of the tables: it grows with every change, and results of an older version are invalid."""
-        self._tables = PeerTables([port.peers for port in self.ports])
+        self._tables = PeerTables(
+            [port.peers for port in self.ports], of_stations=[port.peers for port in self.ports if port.is_gcs]
+        )
         self._routes: dict[tuple[PeerStream, int], tuple[Port, ...]] = {}
         """Links by stream and target (system << 8 | component), for one version of the tables."""
         self._routes_version = -1
@@ -233,7 +235,7 @@ class Router:
             for other in self.ports:
                 if other.is_gcs:
                     self._tables.forget(other.peers, {sender})
-        return self._tables.add(port.peers, frame, now)
+        return self._tables.add(port.peers, frame, now, port.source)
 
     def stream(self, port: Port, peer: Peer, frame: RawFrame, now: HostNs) -> PeerStream:
         """Return the stream of a peer's message, and add it if it is new and there is room for it."""
