@@ -155,7 +155,7 @@ def _kalibr(fields: Fields, wanted: str, imu_is_frd: bool) -> Calibration:
                 raise place.refusal("imu_axes", "FRD (x forward, y right, z down), or no such key")
             imu_is_frd = True
     has_mount = "T_cam_imu" in camera
-    is_sphere = "camera_model" in camera and camera.plain("camera_model") in sphere_files.SPHERE_COUNTS
+    is_sphere = "camera_model" in camera and camera.text("camera_model") in sphere_files.SPHERE_COUNTS
     return Calibration(
         sphere_files.kalibr_sphere_lens(camera) if is_sphere else tool_files.kalibr_lens(camera),
         tool_files.kalibr_time_offset_s(camera),

@@ -224,6 +224,7 @@ def test_kalibrs_mount_counts_only_where_the_imu_has_the_bodys_axes():
         (ros("equidistant", list(D)) + "binning_x: 2\n", "binning_x"),
         (ros("equidistant", list(D)) + "roi: {x_offset: 10, width: 100}\n", "roi.x_offset"),
         (KALIBR.replace("camera_model: pinhole", "camera_model: fov"), "fov"),
+        (KALIBR.replace("camera_model: pinhole", "camera_model: [460.0, 320.0]"), "camera_model"),
         (KALIBR.replace("intrinsics: [461.629, 460.152", "intrinsics: [-461.629, 460.152"), "intrinsics"),
         (KALIBR + KALIBR.replace("cam0", "cam1"), "one camera"),
         (KALIBR + "imu_axes: FLU\n", "FRD"),
