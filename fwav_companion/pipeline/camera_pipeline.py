@@ -32,7 +32,7 @@ from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import FrameTracker, Reorder, Settled
 from fwav_companion.tracking.crowd import Crowd
-from fwav_companion.tracking.frame_tracker import ReportedTarget
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import (
     Frame,
     FrameView,

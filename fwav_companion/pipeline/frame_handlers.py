@@ -12,7 +12,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.tracking.frame_tracker import ReportedTarget
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.types.tracks import FinalPlace
 

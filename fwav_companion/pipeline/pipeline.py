@@ -23,7 +23,7 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
-from fwav_companion.tracking.frame_tracker import ReportedTarget
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import (
     Autopilot,
     BoardReport,

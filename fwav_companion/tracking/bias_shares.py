@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, Protocol, runtime_checkable
 
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.tracking.filters.standing import StandingTargetState
-from fwav_companion.tracking.frame_tracker import ReportedTarget
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.types import Bias, ErrorPriors
 

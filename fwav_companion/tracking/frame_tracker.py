@@ -6,40 +6,12 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import FinalPlace
-
-
-class ReportedTarget(Protocol):
-    """A target as it is reported at one instant."""
-
-    @property
-    def position_ned(self) -> Vector3:
-        """Position of the target, NED, metres."""
-
-    @property
-    def cov(self) -> Matrix3:
-        """Covariance of the position, all sources of error included, NED, m^2."""
-
-    @property
-    def apparent_ned(self) -> Vector3:
-        """Target position plus present error of the vehicle's position, NED, metres: single fixes agree with this."""
-
-    @property
-    def relative_cov(self) -> Matrix3:
-        """Covariance of ``apparent_ned`` minus the reported position of the vehicle, NED, m^2."""
-
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """Velocity, NED, m/s; None if it is not estimated."""
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """Covariance of the velocity, NED, (m/s)^2."""
 
 
 class FrameTracker(Protocol):

@@ -19,8 +19,8 @@ from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
 
-class TargetEstimate(Protocol):
-    """Estimate of one target at one instant."""
+class ReportedTarget(Protocol):
+    """A target as it is reported at one instant."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -40,11 +40,15 @@ class TargetEstimate(Protocol):
 
     @property
     def velocity_ned(self) -> Vector3 | None:
-        """Velocity, NED, m/s; None if the filter does not estimate it."""
+        """Velocity, NED, m/s; None if it is not estimated."""
 
     @property
     def velocity_cov(self) -> Matrix3 | None:
         """Covariance of the velocity, NED, (m/s)^2."""
+
+
+class TargetEstimate(ReportedTarget, Protocol):
+    """Estimate of one target at one instant, which judges fixes."""
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant. Errors that state and fix share cancel in the innovation."""

@@ -110,7 +110,7 @@ class FrameAnswers:
         """Gating statistics by track id and fix index, each pair by itself."""
 
     def forget(self) -> None:
-        """Answer anew: the estimator has changed."""
+        """Compute the answers again: the estimator has changed."""
         self._targets.clear()
 
     def gate(self, track: int, fix: int) -> GateResult:

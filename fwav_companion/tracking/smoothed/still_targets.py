@@ -2,7 +2,7 @@
 
 Beside each moving track the estimator has a static target in its place. As long as the static gate accepts the track's
 sightings, the target is where it was. After PATIENCE_NS its sightings go to the solves; a target that leaves the gate
-begins anew, and what it taught is left out.
+starts again, and its measurements so far are left out.
 """
 
 from __future__ import annotations
