@@ -147,9 +147,9 @@ def test_the_detector_of_the_guide_sends_what_the_service_accepts():
     assert [(each.u, each.v, each.label) for each in frame.detections] == [(312.4, 201.9, "person")]
 
 
-def test_every_fault_of_the_architecture_names_its_test():
+def test_each_fault_of_the_page_of_faults_names_its_test():
     rows = re.findall(
-        r"^\| ([^|]+) \| `([\w/]+\.py)` `(test_\w+)` \|$", (ROOT / "ARCHITECTURE.md").read_text(), re.MULTILINE
+        r"^\| ([^|]+) \| `([\w/]+\.py)` `(test_\w+)` \|$", (DOCS / "develop" / "faults.md").read_text(), re.MULTILINE
     )
     assert len(rows) > 30
     for fault, file, name in rows:
