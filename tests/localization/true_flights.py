@@ -8,9 +8,11 @@ from math import radians
 
 import msgspec
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
+from fwav_companion.localization import HomeGround, Localizer
 from fwav_companion.types import Bias, Detection, ErrorPriors, GimbalAt, RangeSample, Sighting, VehicleState
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
@@ -186,3 +188,30 @@ class Scene:
             return None
         down = self._attitude(0.0).apply(self.beam)[2]
         return RangeSample(0, self.height_m / down, self.beam, 0.0)
+
+
+SCENES = {
+    "ahead and turned": Scene(),
+    "below": Scene(roll_deg=-3.0, pitch_deg=5.0, target=(1.0, -2.0)),
+    "relative": Scene(relative=True),
+    "rolled": Scene(roll_deg=-25.0, pitch_deg=15.0, target=(-10.0, 30.0), row_fraction=0.1),
+    "low": Scene(height_m=3.0, target=(1.0, 1.5), velocity=(1.0, 0.0, 0.3)),
+    "standing": Scene(height_m=8.0, target=(4.0, 6.0), rises=(0.85, 0.085)),
+    "standing, relative": Scene(height_m=8.0, target=(4.0, 6.0), rises=(1.7, 0.17), relative=True),
+}
+every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+
+
+def home() -> Localizer:
+    return Localizer(HomeGround(), LEVEL_PRIORS, min_height_m=0.5)
+
+
+def scaled_priors(factor: float):
+    p = LEVEL_PRIORS
+    return msgspec.structs.replace(
+        p,
+        attitude_noise=factor * p.attitude_noise,
+        position_noise_m=factor * p.position_noise_m,
+        height_noise_m=factor * p.height_noise_m,
+        bias_sigmas=tuple(factor * s for s in p.bias_sigmas),
+    )

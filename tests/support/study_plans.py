@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from importlib.resources import files
 
+import msgspec
+
 from fwav_companion.camera import parse_calibration
+from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.mock_process import FlownFlight
 from fwav_companion.tools.study.record_file import Environment
 from fwav_companion.tools.study.study_plan import StudyPlan, radial_lens
@@ -61,3 +64,30 @@ class InlineWorkers:
             yield job(state, *task) if self.work is None else self.work(state, *task)
         if hasattr(state, "close"):
             state.close()
+
+
+class CountedProgress:
+    """A study's progress without a screen: its flights counted, and the time that it announced."""
+
+    def __init__(self):
+        self.total_flights = self.count = 0
+        self.seconds = None
+
+    def total(self, flights):
+        self.total_flights = flights
+
+    def flown(self):
+        self.count += 1
+
+    def expected(self, seconds):
+        self.seconds = seconds
+
+
+def invented_record(_worker, index, arm):
+    """A record without a flight, as a worker returns it."""
+    limits = {"position": 1.0, "mount": 0.5, "heading": 0.1}
+    varied = {"varied": {}, "flown": {}, "drawn": {}}
+    record = FlightRecord(
+        index=index, arm=arm, state="found", no_answer="", error_m=1.0 + index % 7, limits_m=limits, **varied
+    )
+    return msgspec.json.encode(record)
