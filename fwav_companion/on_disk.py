@@ -17,15 +17,15 @@ LONGEST_STEM: Final = 50
 """Characters of a temporary name: in any alphabet fewer than the 255 bytes that file systems accept."""
 
 
-def opened(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> BinaryIO:
     """The file, opened for reading. OSError, in words, if it does not exist or is a pipe, device or socket."""
     _require_regular(path)
     return path.open("rb")
 
 
 def content(path: Path) -> bytes:
-    """The whole content. OSError as for :func:`opened`, and if the memory is too small."""
-    with opened(path) as file:
+    """The whole content. OSError as for :func:`open_regular`, and if the memory is too small."""
+    with open_regular(path) as file:
         try:
             return file.read()
         except MemoryError:

@@ -30,7 +30,7 @@ def wrapped(angle: float) -> float:
     return (angle + pi) % (2.0 * pi) - pi
 
 
-def apart(one: Angles, other: Angles) -> float:
+def angle_between(one: Angles, other: Angles) -> float:
     """The larger difference of pitch and of yaw as it moves the axis, radians: straight down yaw moves nothing."""
     return max(abs(one.pitch - other.pitch), abs(wrapped(one.yaw - other.yaw)) * cos(one.pitch))
 

@@ -11,7 +11,7 @@ from collections import deque
 from math import degrees, radians
 from typing import Final
 
-from fwav_companion.acting.aim import Angles, apart
+from fwav_companion.acting.aim import Angles, angle_between
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 
 AT_COMMAND: Final = radians(3.0)
@@ -53,15 +53,15 @@ class GimbalWatch:
         if look is None:
             self._away_since_ns = None
             return
-        if apart(command, look) <= AT_COMMAND:
+        if angle_between(command, look) <= AT_COMMAND:
             self._start, self._moved, self._was_there = look, 0.0, True
         start = self._start = self._start or look
-        self._moved = max(self._moved, apart(look, start))
-        commanded = apart(command, start)
+        self._moved = max(self._moved, angle_between(look, start))
+        commanded = angle_between(command, start)
         far = commanded >= COMMANDED and self._moved < MOVED * commanded
         self._far_since_ns = (self._far_since_ns or now) if far else None
-        farther = self._was_there and not at_limit and apart(command, look) > commanded + FARTHER
-        away = farther and all(apart(each, look) > AT_COMMAND for _, each in self._commands)
+        farther = self._was_there and not at_limit and angle_between(command, look) > commanded + FARTHER
+        away = farther and all(angle_between(each, look) > AT_COMMAND for _, each in self._commands)
         self._away_since_ns = (self._away_since_ns or now) if away else None
 
     def by_stick(self, now: HostNs) -> bool:
@@ -72,4 +72,4 @@ class GimbalWatch:
         """What was commanded and what moved, in degrees, where the gimbal does not follow; else None."""
         if self._far_since_ns is None or now - self._far_since_ns < STUCK_NS or self._start is None:
             return None
-        return f"commanded {degrees(apart(command, self._start)):.0f} deg, moved {degrees(self._moved):.0f}"
+        return f"commanded {degrees(angle_between(command, self._start)):.0f} deg, moved {degrees(self._moved):.0f}"

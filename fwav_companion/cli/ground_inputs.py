@@ -144,10 +144,10 @@ def _judge(where: str, config_file: str | None) -> Callable[[RunStatus], tuple[s
         return partial(judged_elsewhere if is_elsewhere else judged_here, load(config_file))
     if is_elsewhere:
         return lambda _status: (WITHOUT_CONFIG,)
-    return judged
+    return findings_by_status
 
 
-def judged(status: RunStatus) -> tuple[str, ...]:
+def findings_by_status(status: RunStatus) -> tuple[str, ...]:
     """Findings of `check` for the service on this board; one line if its configuration cannot be read here."""
     from fwav_companion.config import load
 

@@ -25,7 +25,7 @@ from fwav_companion.fleet.options import FleetTable
 from fwav_companion.links.map_server import MapServer
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.types import ErrorPriors, StandingTarget
+from fwav_companion.types import ElevatedTarget, ErrorPriors
 from fwav_companion.types.secrets import redacted, secrets_of
 from fwav_companion.vision.source_names import SourceKind, source_kind
 from fwav_companion.vision.task import KeptPicturesRule, VisionTask
@@ -82,7 +82,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """Pixels from another process."""
     vision: VisionTask | None = None
     """The service's own camera; None: no camera is opened."""
-    target: tuple[StandingTarget, ...] = ()
+    target: tuple[ElevatedTarget, ...] = ()
     """Labels whose things are not flat on the ground."""
     landmark: tuple[LandmarkConfig, ...] = ()
     """Surveyed things that cancel what they show of the common errors."""

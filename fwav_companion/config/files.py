@@ -9,7 +9,7 @@ from pathlib import Path
 from fwav_companion.config.document import Config
 from fwav_companion.config.reading import parse
 from fwav_companion.errors import ConfigError
-from fwav_companion.on_disk import opened
+from fwav_companion.on_disk import open_regular
 
 KEY_BYTES = 32
 LARGEST_FILE_BYTES = 1 << 20
@@ -19,7 +19,7 @@ LARGEST_FILE_BYTES = 1 << 20
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
     """The configuration in a file, overridden by ``KEY=VALUE`` settings. ConfigError, also for a missing file."""
     try:
-        with opened(Path(path)) as file:
+        with open_regular(Path(path)) as file:
             data = file.read(LARGEST_FILE_BYTES + 1)
         if len(data) > LARGEST_FILE_BYTES:
             raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
@@ -40,7 +40,7 @@ def load_signing_key(config: Config) -> bytes | None:
     path = config.resolve(config.signing.key_file)
     where = f"{config.file}: [signing] key_file = {path}"
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             mode = stat.S_IMODE(path.stat().st_mode)
             key = file.read(KEY_BYTES + 1)
     except OSError as error:

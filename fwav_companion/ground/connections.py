@@ -29,19 +29,19 @@ class WaitingConnections:
         self._server, self._clock = server, clock
         self._since_s: dict[Any, float] = {}
         """First sight of each open connection without an answered request so far."""
-        self._served: set[Any] = set()
+        self._requesting: set[Any] = set()
         """Open connections that have sent a request that was not refused."""
 
     def on_request(self, request: web.Request) -> None:
         """Note that a connection has sent a whole request that is not refused."""
-        self._served.add(request.protocol)
+        self._requesting.add(request.protocol)
 
     def sweep(self) -> None:
         """Close the connections that wait for too long, and the newest beyond MOST_WAITING."""
         now_s = self._clock()
         opened = self._server.connections
-        self._served.intersection_update(opened)
-        waiting = [each for each in opened if each not in self._served]
+        self._requesting.intersection_update(opened)
+        waiting = [each for each in opened if each not in self._requesting]
         self._since_s = {each: self._since_s.get(each, now_s) for each in waiting}
         for place, each in enumerate(sorted(waiting, key=self._since_s.__getitem__)):
             if (place >= MOST_WAITING or now_s - self._since_s[each] > REQUEST_S) and each.transport is not None:

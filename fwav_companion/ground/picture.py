@@ -111,7 +111,7 @@ class GroundPicture:
             else:
                 instants[name] = max(min(at, now), instants.get(name, 0.0))  # nothing is evidence of the future
         changed = replace(known, **changes, heard=instants, heard_unix=newest(instants, known.heard_unix))
-        self._vehicles[vehicle] = replace(_judged(changed, known, now), revision=self._next())
+        self._vehicles[vehicle] = replace(_with_evidence_at(changed, known, now), revision=self._next())
         if "lat" in changes and changes["lat"] is not None:
             self._extend_path(vehicle, PastPoint(now, changes["lat"], changes["lon"]))
 
@@ -178,7 +178,7 @@ class GroundPicture:
     def advance(self, now: float) -> None:
         """Report what fell silent or came back, and remove targets that ended or were not reported for long."""
         for known in list(self._vehicles.values()):
-            vehicle = _judged(known, known, now)
+            vehicle = _with_evidence_at(known, known, now)
             if vehicle is not known:
                 self._vehicles[known.id] = replace(vehicle, revision=self._next())
             for text, is_warning in self._silences.due(vehicle, now):
@@ -271,7 +271,7 @@ def readiness_fields(known: VehicleView | None, *, ready: bool, trouble: str) ->
     return {"ready": ready, "readiness": "ready" if ready else f"not ready: {trouble}"}
 
 
-def _judged(vehicle: VehicleView, known: VehicleView, now: float) -> VehicleView:
+def _with_evidence_at(vehicle: VehicleView, known: VehicleView, now: float) -> VehicleView:
     """The vehicle with what its evidence is worth now. ``known``: the vehicle before its changes."""
     quiet, silent = silent_parts(vehicle.heard, now), now > vehicle.heard_unix + SILENT_S
     ready = None if silent or not quiet.keys().isdisjoint(STATED_BY) else vehicle.ready

@@ -35,7 +35,7 @@ class ReplayReader:
             self._file = Path(path).open("rb")  # noqa: SIM115  # it is read over the whole run
         except OSError as error:
             raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
-        self._source = self._timed(self._file)
+        self._source = self._lines_by_time(self._file)
         self._next: tuple[float, Mapping[str, Any]] | None
         try:
             self._next = next(self._source)
@@ -86,7 +86,7 @@ class ReplayReader:
         """Release the file."""
         self._file.close()
 
-    def _timed(self, file: BinaryIO) -> Iterator[tuple[float, Mapping[str, Any]]]:
+    def _lines_by_time(self, file: BinaryIO) -> Iterator[tuple[float, Mapping[str, Any]]]:
         """Lines with their times, which never decrease; a line without one belongs to the line before."""
         newest: float | None = None
         waiting: list[Mapping[str, Any]] = []

@@ -89,7 +89,7 @@ def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPrio
         pixel_v=sigma_v * sigma_v,
         attitude=priors.attitude_noise**2,
         bridging=state.carrier_sigma**2,
-        height=height_noise_m**2 + (0.0 if meeting.carried else height_sigma_m**2),
+        height=height_noise_m**2 + (0.0 if meeting.moves_with_camera else height_sigma_m**2),
         level=priors.height_noise_m**2,
         time=sighting.time_noise_s**2,
         place=priors.position_noise_m**2 + age_variance,
@@ -165,7 +165,7 @@ class ErrorModel:
 
     def _covariance(self, terms: Terms, level_m2: float) -> Matrix3:
         meeting = self._meeting
-        level = not (meeting.surveyed or meeting.carried or meeting.uneven)
+        level = not (meeting.surveyed or meeting.moves_with_camera or meeting.uneven)
         return _level_covariance(terms, level_m2) if level else _covariance(terms, level_m2)
 
 

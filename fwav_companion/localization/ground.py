@@ -33,7 +33,7 @@ class Intersection(msgspec.Struct, frozen=True, gc=False):
     """Name of the ground model: home, fixed, rangefinder or terrain."""
     normal: Vector3 = LEVEL_NORMAL
     """Unit normal of the ground at the point, NED, downward."""
-    carried: bool = False
+    moves_with_camera: bool = False
     """Whether the ground is known by its distance from the camera; its level then shares the camera's errors."""
     surveyed: bool = False
     """Whether the ground is an elevation model, whose error is Bias.TERRAIN."""
@@ -59,7 +59,7 @@ class Ground(Protocol):
     def home_moved(self, home_down_m: float) -> None:
         """Set the home surface to ``home_down_m`` below the world's origin, metres."""
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
 
     def status(self) -> GroundReport:
@@ -104,7 +104,7 @@ class HomeGround:
         """Set the depth of the surface."""
         self.home_down_m = home_down_m
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Do nothing: the surface does not depend on the origin."""
         return ""
 
@@ -143,7 +143,7 @@ class AltitudeGround(HomeGround):
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the altitude is configured."""
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Set the depth of the surface below the origin."""
         self.home_down_m = plane.origin.alt_amsl_m - self._alt_amsl_m
         return ""
@@ -166,7 +166,7 @@ class FixedGround:
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the surface does not depend on home."""
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Do nothing: the surface does not depend on the origin."""
         return ""
 
@@ -184,5 +184,5 @@ class FixedGround:
         if isinstance(distance_m, NoFix):
             return distance_m
         return Intersection(
-            camera_above_flat(sighting, self._height_m), distance_m, self._height_m, "fixed", carried=True
+            camera_above_flat(sighting, self._height_m), distance_m, self._height_m, "fixed", moves_with_camera=True
         )

@@ -41,7 +41,7 @@ class KnownLevel:
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the level is known."""
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Do nothing: the level is known."""
         return ""
 
@@ -66,7 +66,7 @@ class LandmarkSights:
         self.unapplied = tuple(LandmarkRecord(each.label, LandmarkState.NOT_APPLIED) for each in self.landmarks)
         """Record of each landmark for a run in which no filter uses the sights."""
 
-    def placed(self, plane: TangentPlane) -> None:
+    def on_origin(self, plane: TangentPlane) -> None:
         """Set the world's origin."""
         places = [plane.ned_from_geodetic(landmark.place) for landmark in self.landmarks]
         self._places = [

@@ -65,9 +65,9 @@ class Localizer:
         """Set the home surface to ``home_down_m`` below the world's origin, metres."""
         self.ground.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
-        return self.ground.placed(plane, take_off, undulation_m)
+        return self.ground.on_origin(plane, take_off, undulation_m)
 
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
         """The ground fix of a sighting, or the reason for its refusal.

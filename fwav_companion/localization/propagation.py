@@ -134,8 +134,8 @@ def _by_camera(shifts: Columns, sighting: Sighting, d: Vector3, *, meeting: Inte
     is known by its distance from the camera, it moves with the camera.
     """
     if sighting.relative:
-        shifts = tuple([(0.0, 0.0, 0.0 if meeting.carried else down) for _, _, down in shifts])
-    if meeting.carried:
+        shifts = tuple([(0.0, 0.0, 0.0 if meeting.moves_with_camera else down) for _, _, down in shifts])
+    if meeting.moves_with_camera:
         return shifts
     (m_n, m_e, m_d), (d_n, d_e, d_d), level = m, d, meeting.normal is LEVEL_NORMAL
     columns = []
@@ -151,7 +151,7 @@ def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Ve
     The point moves along the ray. Unless the ground is known by its distance from the camera, a height error is an
     error of the camera's altitude, so the camera itself is 1 m too high for each metre.
     """
-    if meeting.carried and not sighting.relative:
+    if meeting.moves_with_camera and not sighting.relative:
         return deeper
     return (deeper[0], deeper[1], 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0)
 

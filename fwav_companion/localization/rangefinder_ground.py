@@ -37,9 +37,9 @@ class RangefinderGround:
         """Set the depth of the home surface, which replaces missing readings."""
         self._home.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Do nothing: the surface does not depend on the origin."""
-        return self._home.placed(plane, take_off, undulation_m)
+        return self._home.on_origin(plane, take_off, undulation_m)
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection by a fresh reading whose beam points down; else with the home surface."""
@@ -87,7 +87,7 @@ class RangefinderGround:
             distance_m,
             height_m,
             "rangefinder",
-            carried=True,
+            moves_with_camera=True,
             height_noise_m=sqrt(along_m**2 + by_turn_m**2),
             height_by_rotation=(reading.distance_m * beam[1], -reading.distance_m * beam[0], 0.0),
         )

@@ -74,7 +74,7 @@ class TerrainGround:
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the model keeps its shift to the take-off height."""
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Shift the model to the ground at the take-off place, where one is known; the notice for people."""
         self._plane, self._trouble = plane, None
         if self._model is None:

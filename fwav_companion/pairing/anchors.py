@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, norm, scale
-from fwav_companion.types import Corners, Detection, Lens, NoRay, Outline, Pixel, Sighting, StandingTarget
+from fwav_companion.types import Corners, Detection, ElevatedTarget, Lens, NoRay, Outline, Pixel, Sighting
 
 NEAR_NADIR = cos(radians(15.0))
 """Cosine of the angle to the nadir within which a thing hides its own foot: the box's centre marks its middle."""
@@ -43,7 +43,7 @@ class Anchor(msgspec.Struct, frozen=True, gc=False):
     """Axis, 0 for u and 1 for v, along which an edge of the box decides the pixel; None where no edge does."""
 
 
-def anchor_of(target: StandingTarget, detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Anchor:
+def anchor_of(target: ElevatedTarget, detection: Detection, ned_from_camera: Matrix3, lens: Lens) -> Anchor:
     """The point that the detection of a standing target marks, by its anchor."""
     if target.anchor == "bottom":
         foot = foot_pixel(detection, ned_from_camera, lens)
@@ -150,7 +150,7 @@ def _holds(outline: Outline, pixel: Pixel) -> bool:
     return min(sides) >= 0.0 or max(sides) <= 0.0
 
 
-def anchored(sighting: Sighting, target: StandingTarget, lens: Lens) -> Sighting:
+def anchored(sighting: Sighting, target: ElevatedTarget, lens: Lens) -> Sighting:
     """The sighting of the point that the detection of a standing target marks.
 
     The row stays that of the box's centre: over a box of 50 rows the readout of 30 ms lasts 3 ms longer.

@@ -18,13 +18,13 @@ from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.types import (
     Detection,
+    ElevatedTarget,
     Frame,
     Lens,
     Ray,
     Reason,
     Sighting,
     StampClock,
-    StandingTarget,
     Unpaired,
 )
 
@@ -66,7 +66,7 @@ class Pairer:
         pixel_noise_px: float = 4.0,
         min_score: float = 0.0,
         labels: Collection[str] = (),
-        standing: Collection[StandingTarget] = (),
+        standing: Collection[ElevatedTarget] = (),
         latest_ns: int = LATEST_NS,
     ) -> None:
         """``latest_ns``: age of a frame at its arrival beyond which it is refused."""

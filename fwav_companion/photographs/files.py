@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import msgspec
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import opened
+from fwav_companion.on_disk import open_regular
 from fwav_companion.photographs.exif_tags import stated_size
 from fwav_companion.photographs.tags import PictureTags, xmp_values
 from fwav_companion.pixels import largest_picture
@@ -29,7 +29,7 @@ def read_tags(path: Path) -> PictureTags:
 
     Image.MAX_IMAGE_PIXELS = None  # the limit is ours, and its line says what is accepted
     try:
-        with opened(path) as file, warnings.catch_warnings(), _pixels_uncounted(Image):
+        with open_regular(path) as file, warnings.catch_warnings(), _pixels_uncounted(Image):
             warnings.simplefilter("ignore")  # Pillow's about sizes and broken tags: the answer is one line or none
             with Image.open(file) as image:
                 size = image.size

@@ -252,10 +252,10 @@ class CameraPipeline:
         """Move the home surface."""
         self._localizer.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+    def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the ground model's origin and take-off place; returns the model's notice, or ""."""
-        self._landmarks.placed(plane)
-        return self._localizer.placed(plane, take_off, undulation_m)
+        self._landmarks.on_origin(plane)
+        return self._localizer.on_origin(plane, take_off, undulation_m)
 
     def position_jumped(self, boot_ns: BootNs, jump_m: float) -> None:
         """Record a jump of the vehicle's reported position; the tracker allows for it in the next frame."""

@@ -109,7 +109,7 @@ class Components:
         """The confirmed and coasting tracks, the vehicle, and why the service is not ready; None where it is ready."""
         trouble = self.obstacle(now)
         why = "no camera is configured" if trouble is None else trouble
-        return self.publisher.believed, self.situation(now), why or None
+        return self.publisher.reported_tracks, self.situation(now), why or None
 
     def obstacle(self, now: HostNs) -> str | None:
         """Why the service is not ready; "" where it is; None without a camera."""
@@ -133,7 +133,7 @@ class Components:
         """Pixels of the confirmed and coasting tracks in a picture of the preview."""
         if self.camera is None:
             return TrackMarks(frame.picture or 0, ())
-        return track_marks(self.camera.look, frame, self.publisher.believed, self.publisher.selected)
+        return track_marks(self.camera.look, frame, self.publisher.reported_tracks, self.publisher.selected)
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
         """Corners of the camera's footprint on the ground, latitude and longitude, degrees; empty where unknown."""

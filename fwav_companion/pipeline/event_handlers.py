@@ -168,7 +168,7 @@ class EventHandlers:
         if camera is None or plane is None or take_off is None:
             return
         self._placed_without_undulation = telemetry.undulation_m is None
-        self._terrain.report(camera, camera.placed(plane, take_off, telemetry.undulation_m), now)
+        self._terrain.report(camera, camera.on_origin(plane, take_off, telemetry.undulation_m), now)
 
     def _current_readiness(self, now: HostNs) -> Readiness | None:
         camera = self._components.camera

@@ -48,7 +48,7 @@ class FrameCensus:
             best_score=self._best_score,
             stamp_ages_s=ages_s,
             repeated_stamps=self._stamps.repeated,
-            jumped_stamps=self._stamps.jumped,
+            jumped_stamps=self._stamps.jump_count,
         )
 
     def _add_age(self, frame: Frame, arrival_ns: HostNs, clock: TwoClocks) -> None:

@@ -24,7 +24,7 @@ class StampSeries:
     def __init__(self) -> None:
         self.repeated = 0
         """Number of frames with the stamp of the frame before; copies of that frame do not count."""
-        self.jumped = 0
+        self.jump_count = 0
         """Number of frames that were stamped earlier than the frame before, at the time of another one, or so that the
         next frame goes on from there."""
         self._stamps: deque[int] = deque()
@@ -45,9 +45,9 @@ class StampSeries:
         at = bisect_left(stamps, stamp_ns)
         if self._fell:
             near_ns = min([abs(stamp_ns - each) for each in stamps[max(0, at - 1) : at + 1]], default=None)
-            self.jumped += near_ns is not None and near_ns < NEAR * self._interval_ns()
+            self.jump_count += near_ns is not None and near_ns < NEAR * self._interval_ns()
         elif last is not None and fell:
-            self.jumped += stamp_ns - last.stamp_ns < GOES_ON * self._interval_ns()
+            self.jump_count += stamp_ns - last.stamp_ns < GOES_ON * self._interval_ns()
         self._arrivals.append(arrival_ns)
         insort(stamps, stamp_ns)
         self._stamps.append(stamp_ns)

@@ -84,7 +84,7 @@ class CameraComponent:
     def on_tracks(self, host_ns: HostNs | None, pixel_from_ned: PixelFromNed | None) -> None:
         """Keep the pixel, seen or predicted, of every confirmed or coasting track in the picture of this instant."""
         self._places = {}
-        for track in self._selection.believed.values():
+        for track in self._selection.reported_tracks.values():
             place = _place_in_image(track, pixel_from_ned)
             if place is not None:
                 self._places[track.id] = place
@@ -177,9 +177,11 @@ class CameraComponent:
         reach_px = radius * self._options.image_size[0] if _in_image(radius) else 0.0
         when = moment_of_click(situation.now_ns, self._options.video_delay_s)
         hit = self._pictures.track_at(when, point, reach_px)
-        if hit not in self._selection.believed:
+        if hit not in self._selection.reported_tracks:
             about = [
-                each for each in self._pictures.tracks_about(when, point, reach_px) if each in self._selection.believed
+                each
+                for each in self._pictures.tracks_about(when, point, reach_px)
+                if each in self._selection.reported_tracks
             ]
             if len(about) > 1:
                 return self._nothing(command, NoticeCode.CLICK_AMBIGUOUS)
@@ -204,11 +206,11 @@ class CameraComponent:
 
         Where there is no track, the spot itself is followed once the camera process confirms that it can be followed.
         """
-        believed = self._selection.believed
-        if hit not in believed and self._locate is not None:
+        reported_tracks = self._selection.reported_tracks
+        if hit not in reported_tracks and self._locate is not None:
             fix = self._locate(point[0], point[1], self._pictures.finger_px, when)
-            hit = track_on_ground(fix, when, believed.values()) if fix is not None else None
-        if hit is not None and hit in believed:
+            hit = track_on_ground(fix, when, reported_tracks.values()) if fix is not None else None
+        if hit is not None and hit in reported_tracks:
             self._selection.click(hit)
             return DONE
         spot = None if self._spots is None else self._spots.follow(point, when, self._pictures.finger_px)

@@ -69,7 +69,7 @@ class MapMarkers:
         for track in tracks:
             live.add(track.id)
             events += self._live(track, track.id == chosen, situation, utc_ns)
-        events += self._released(chosen, utc_ns)
+        events += self._return_of_own_marker(chosen, utc_ns)
         events += self._ended(live, chosen, situation.now_ns, utc_ns)
         return [event.as_xml().encode() for event in events]
 
@@ -102,7 +102,7 @@ class MapMarkers:
             events.append(delete_event(event, utc_ns))
         return events
 
-    def _released(self, chosen: int | None, utc_ns: int) -> list[MapEvent]:
+    def _return_of_own_marker(self, chosen: int | None, utc_ns: int) -> list[MapEvent]:
         """The previously selected track under its own uid, once another one has taken the selected target's."""
         previous, marker = self._selected, self._markers.get(-1 if self._selected is None else self._selected)
         if chosen is None:

@@ -50,7 +50,7 @@ def state_when_used(situation: Situation, lag_s: float, state_at: StateAt | None
     known = state_at(used_ns) if state_at is not None else None
     if isinstance(known, VehicleState):
         return known
-    return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
+    return _predicted_state(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
 
 
 def relative_to_vehicle(
@@ -100,7 +100,7 @@ def landing_fields(
     }
 
 
-def _carried(state: VehicleState, step_s: float) -> VehicleState:
+def _predicted_state(state: VehicleState, step_s: float) -> VehicleState:
     """The state extrapolated by ``step_s``, positive or negative, with constant rates and velocity.
 
     A body that turns to and fro leaves its tangent by half of its acceleration times the time squared.

@@ -183,13 +183,13 @@ class Publisher:
         return self._options.image_size
 
     @property
-    def believed(self) -> tuple[Track, ...]:
+    def reported_tracks(self) -> tuple[Track, ...]:
         """Confirmed and coasting tracks after the newest frame, the oldest first."""
-        return tuple(sorted(self._selection.believed.values(), key=seniority))
+        return tuple(sorted(self._selection.reported_tracks.values(), key=seniority))
 
     def track_reports(self, plane: TangentPlane | None, now: HostNs) -> list[TrackReport]:
         """Part of the status: the confirmed and coasting tracks, the oldest first."""
-        return [track_report(track, plane, now) for track in self.believed[:MAX_TRACK_REPORTS]]
+        return [track_report(track, plane, now) for track in self.reported_tracks[:MAX_TRACK_REPORTS]]
 
     def status(self, now: HostNs) -> PublishingReport:
         """Part of the status: the selected track, and the counts of LANDING_TARGET."""
@@ -226,7 +226,7 @@ class Publisher:
 
     def _make_events(self, selected: Track | None, situation: Situation) -> None:
         """Append the events that are due, or, once, a notice with the reason why there are none."""
-        events = self._markers.due(self.believed, selected, situation)
+        events = self._markers.due(self.reported_tracks, selected, situation)
         if isinstance(events, list):
             self._datagrams.extend(events)
         elif events not in self._reported:

@@ -38,7 +38,7 @@ class Spots(Protocol):
 PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
 """Pixel of a place in the image of the frame just processed; None outside the image."""
 
-BELIEVED = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
+REPORTED_STATES = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
 MAX_PICTURES = 512
 MAX_APART_NS = 100 * NS_PER_MS
 """Time from the clicked picture beyond which a picture shows another scene: half a beat at 5 Hz."""
@@ -57,16 +57,16 @@ class Selection:
     def __init__(self, options: PublishOptions):
         self._by_rule = options.select == "best"
         self._label = options.label
-        self._believed: dict[int, Track] = {}
+        self._reported_tracks: dict[int, Track] = {}
         self._clicked: int | None = None
         self._awaited: int | None = None
         self._spot: int | None = None
         self._stopped = False
 
     @property
-    def believed(self) -> dict[int, Track]:
+    def reported_tracks(self) -> dict[int, Track]:
         """Confirmed and coasting tracks after the newest frame, by id."""
-        return self._believed
+        return self._reported_tracks
 
     @property
     def by_click(self) -> bool:
@@ -82,21 +82,21 @@ class Selection:
     def selected(self) -> Track | None:
         """The selected track; None where no track is eligible, or the operator stopped the tracking."""
         if self._clicked is not None:
-            return self._believed.get(self._clicked)
+            return self._reported_tracks.get(self._clicked)
         if self._stopped or self._awaited is not None or not self._by_rule:
             return None
-        eligible = (track for track in self._believed.values() if self._label in {"", track.label})
+        eligible = (track for track in self._reported_tracks.values() if self._label in {"", track.label})
         return min(eligible, key=seniority, default=None)
 
     def on_tracks(self, tracks: tuple[Track, ...]) -> None:
         """Take the tracks after a frame."""
-        self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
-        if self._clicked is not None and self._clicked not in self._believed:
-            self._clicked = successor(self._clicked, self._believed.values())
+        self._reported_tracks = {track.id: track for track in tracks if track.state in REPORTED_STATES}
+        if self._clicked is not None and self._clicked not in self._reported_tracks:
+            self._clicked = successor(self._clicked, self._reported_tracks.values())
             if self._clicked is None:
                 self._awaited = self._spot
         if self._awaited is not None:
-            found = next((track for track in self._believed.values() if shows_spot(track, self._awaited)), None)
+            found = next((track for track in self._reported_tracks.values() if shows_spot(track, self._awaited)), None)
             if found is not None:
                 self._clicked, self._awaited = found.id, None
 

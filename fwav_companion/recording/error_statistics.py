@@ -41,7 +41,7 @@ def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
         return {"samples": 0}
     errors = sorted(sample.error_m for sample in samples)
     inside = sum(sample.normalised2 <= CHI2_95 for sample in samples)
-    independent = sum(_independent([sample.normalised2 for sample in each]) for each in series if each)
+    independent = sum(_independent_count([sample.normalised2 for sample in each]) for each in series if each)
     low, high = wilson(inside / len(samples), independent)
     return {
         "samples": len(samples),
@@ -65,7 +65,7 @@ def _quantile(ordered: Sequence[float], share: float) -> float:
     return ordered[max(0, ceil(share * len(ordered)) - 1)]
 
 
-def _independent(values: Sequence[float]) -> float:
+def _independent_count(values: Sequence[float]) -> float:
     """Effective number of independent samples in these, which are in order of time: n / (1 + 2 sum of correlations)."""
     finite = [value for value in values[:: ceil(len(values) / MOST_COMPARED)] if isfinite(value)]
     n = len(finite)

@@ -38,12 +38,12 @@ def timely(times_us: Sequence[int]) -> list[int]:
         return []
     middle = sorted(times_us)[len(times_us) // 2]
     damaged = contradicted(times_us)
-    believed = [
+    plausible = [
         index
         for index, at_us in enumerate(times_us)
         if index not in damaged and at_us >= 0 and abs(at_us - middle) <= LONGEST_LOG_US
     ]
-    return sorted(believed, key=times_us.__getitem__)
+    return sorted(plausible, key=times_us.__getitem__)
 
 
 def contradicted(times_us: Sequence[int]) -> set[int]:

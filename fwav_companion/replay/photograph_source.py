@@ -101,7 +101,7 @@ class PhotographSource:
         self._by_frame = {pose.frame: pose for pose in poses if pose.frame is not None}
         self._by_file = {pose.file: pose for pose in poses if pose.file}
         timed = [(pose.time_unix, pose) for pose in poses if pose.frame is None and pose.time_unix is not None]
-        self._timed = sorted(timed, key=lambda each: each[0])
+        self._poses_by_time = sorted(timed, key=lambda each: each[0])
         self._config = config
         self._shared = (0.0, 0.0, 0.0) if config is None or not sigmas_are_total else least_sigmas(poses, config)
         self._sigmas = _sigmas if sigmas_are_total else _own_sigmas
@@ -117,8 +117,10 @@ class PhotographSource:
         if frame.number in self._by_frame:
             return self._by_frame[frame.number]
         time_s = frame.stamp_ns * 1e-9
-        after = bisect_left(self._timed, time_s, key=lambda each: each[0])
-        near = min(self._timed[max(0, after - 1) : after + 1], key=lambda each: abs(each[0] - time_s), default=None)
+        after = bisect_left(self._poses_by_time, time_s, key=lambda each: each[0])
+        near = min(
+            self._poses_by_time[max(0, after - 1) : after + 1], key=lambda each: abs(each[0] - time_s), default=None
+        )
         return near[1] if near is not None and abs(near[0] - time_s) <= SAME_TIME_S else None
 
     def take(self, frame: Frame) -> None:

@@ -101,7 +101,7 @@ def replay_photographs(
         config, calibration, source, log, elevation=elevation, own_filter=own_filter, sightings=sightings
     )
     undulation_m = geoid_undulation_m(origin.lat_deg, origin.lon_deg) if config.ground.model == "terrain" else None
-    camera.placed(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)
+    camera.on_origin(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)
     tally = ErrorTally(truth) if truth else None
     on_takeoff = photographs.poses[0].above_takeoff
     kept = None if shared_errors is None or config.tracking.motion == "moving" else KeptSights()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import content, opened
+from fwav_companion.on_disk import content, open_regular
 from fwav_companion.recording.ardupilot_log import read_ardupilot_log
 from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.tlog import load_tlog
@@ -27,7 +27,7 @@ ACCEPTED = "accepted: a .tlog, .bin or .ulg recording"
 def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     """The telemetry in a file of any of the three kinds. InputFileError."""
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None

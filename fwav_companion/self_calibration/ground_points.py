@@ -104,7 +104,7 @@ class GroundPoints:
             north, east, down = add(view.place, off)
         else:
             north, east, down = add(view.place, scale(view.velocity, later_s))
-        reach = (fix.drop_m + sighting.camera_ned[2] - down) / ray[2]
+        reach = (fix.height_above_target_m + sighting.camera_ned[2] - down) / ray[2]
         return north + reach * ray[0], east + reach * ray[1]
 
     def _view(self, boot_ns: BootNs) -> CorrectedCamera | None:

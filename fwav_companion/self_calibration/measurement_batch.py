@@ -119,7 +119,7 @@ def measurement_batch(
     ned_from_body = np.array([matrix_from_quaternion(state.ned_from_carrier) for state in states])
     scalars = [
         (state.carrier_sigma, state.spacing_s, s.time_noise_s, s.row_fraction,
-         fix.drop_m, s.camera_ned[2], since)
+         fix.height_above_target_m, s.camera_ned[2], since)
         for (_, fix), s, state, since in zip(fixes, sightings, states, since_s, strict=True)
     ]  # fmt: skip
     return MeasurementBatch(

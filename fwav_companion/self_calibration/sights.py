@@ -79,7 +79,7 @@ def sight_of(fix: GroundFix, state: VehicleState, priors: ErrorPriors) -> Single
         sighting.body_from_camera,
         matrix_from_quaternion(state.ned_from_carrier),
         (north + moved[0], east + moved[1], down + moved[2]),
-        fix.drop_m - moved[2],
+        fix.height_above_target_m - moved[2],
         range_m=dist(fix.position_ned, sighting.camera_ned),
         displaced_m2=displaced_m2,
         position_m2=_variance(fix, (Bias.POSITION_NORTH, Bias.POSITION_EAST), priors),

@@ -9,7 +9,7 @@ from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import Config, load, parse
 from fwav_companion.errors import ConfigError, InputFileError
 from fwav_companion.localization import ElevationTile
-from fwav_companion.on_disk import content, opened
+from fwav_companion.on_disk import content, open_regular
 from fwav_companion.types.secrets import secrets_of
 
 LARGEST_BYTES = 1 << 20
@@ -20,7 +20,7 @@ def load_calibration(config: Config) -> Calibration:
     """The camera file's content. ConfigError if none is configured, InputFileError if it cannot be read or parsed."""
     path = config.calibration_path
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             data = file.read(LARGEST_BYTES)
         return parse_calibration(data.decode(), str(path), camera=config.calibration_camera)
     except OSError as error:

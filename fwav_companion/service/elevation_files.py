@@ -21,7 +21,7 @@ from zipfile import BadZipFile, ZipFile
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import require
 from fwav_companion.localization import ElevationTile
-from fwav_companion.on_disk import opened
+from fwav_companion.on_disk import open_regular
 
 HGT_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3}).*\.hgt", re.IGNORECASE)
 LOWEST_M, HIGHEST_M = -500.0, 9000.0
@@ -46,7 +46,7 @@ def read_elevation(paths: Sequence[Path]) -> tuple[ElevationTile, ...]:
 def _read(path: Path) -> ElevationTile:
     suffix = path.suffix.lower()
     try:
-        opened(path).close()  # rejects a pipe, for which libraries would wait
+        open_regular(path).close()  # rejects a pipe, for which libraries would wait
         if suffix == ".hgt":
             return _read_hgt(path)
         if path.name.lower().endswith(".hgt.zip"):
@@ -61,7 +61,7 @@ def _read(path: Path) -> ElevationTile:
 def _read_hgt(path: Path) -> ElevationTile:
     """The tile of a file, which is mapped and not loaded."""
     _require_corner_name(path, path.name)
-    with opened(path) as file:
+    with open_regular(path) as file:
         if file.seek(0, 2) == 0:
             raise InputFileError(f"{path}: it has 0 bytes; accepted: a square of 16-bit samples")
         return _hgt_tile(path, path.name, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
@@ -70,7 +70,7 @@ def _read_hgt(path: Path) -> ElevationTile:
 def _read_zipped_hgt(path: Path) -> ElevationTile:
     """The tile of the one .hgt in a zip file."""
     try:
-        with opened(path) as file, ZipFile(file) as archive:
+        with open_regular(path) as file, ZipFile(file) as archive:
             members = [each for each in archive.infolist() if each.filename.lower().endswith(".hgt")]
             if len(members) != 1 or members[0].file_size > MOST_UNZIPPED:
                 raise InputFileError(f"{path}: it has {len(members)} .hgt files; accepted: one, of at most 100 MB")

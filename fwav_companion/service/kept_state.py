@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 import msgspec
 
 from fwav_companion.errors import ImplausibleStateError
-from fwav_companion.on_disk import opened
+from fwav_companion.on_disk import open_regular
 
 T = TypeVar("T")
 
@@ -27,7 +27,7 @@ def read_state(path: Path, decode: Callable[[bytes], T], on_failure: Callable[[s
     file is renamed to NAME.bad, and ``on_failure`` gets one line with the path, the value and what is accepted.
     """
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             content = file.read(MOST_BYTES + 1)
     except FileNotFoundError:
         return None

@@ -84,7 +84,7 @@ class Gimbal:
         self._delay_ns = ns_from_s(delay_s)
         self._horizon = HorizonEvidence(levelled)
         self._compared_ns: int | None = None
-        self._apart = 0
+        self._contrary_headings = 0
         self._heading_off_deg: float | None = None
 
     # Inputs.
@@ -147,8 +147,8 @@ class Gimbal:
         if look.heading is None:
             return ()
         off = (look.heading - atan2(ned_from_body[1][0], ned_from_body[0][0]) + pi) % (2.0 * pi) - pi
-        self._apart = self._apart + 1 if abs(off) > HEADING_APART else 0
-        if self._apart < HEADINGS_TO_REPORT or self._heading_off_deg is not None:
+        self._contrary_headings = self._contrary_headings + 1 if abs(off) > HEADING_APART else 0
+        if self._contrary_headings < HEADINGS_TO_REPORT or self._heading_off_deg is not None:
             return ()
         self._heading_off_deg = degrees(off)
         return (GimbalHeadingDiffers(self._heading_off_deg),)
@@ -181,7 +181,7 @@ class Gimbal:
         look, rates, sigma, gap_s = reported
         q, tilt_sigma = look.q, look.tilt_sigma
         if not look.from_north:
-            q, rates, other = self._carried(look, rates, body)
+            q, rates, other = self._with_vehicle_turned(look, rates, body)
             sigma = hypot(sigma, body.sigma)
             tilt_sigma = hypot(tilt_sigma, UNDECIDED_SHARE * other)
         sigma = hypot(sigma, norm(rates) * stamp_sigma_s)
@@ -252,7 +252,9 @@ class Gimbal:
         trusted = not self._by_autopilot or look.tilt_sigma > 0.0
         return look.from_north or self._horizon.levelled(locked=look.locked, trusted=trusted)
 
-    def _carried(self, look: GimbalAttitude, rates: Vector3, body: AttitudeAt) -> tuple[Quaternion, Vector3, float]:
+    def _with_vehicle_turned(
+        self, look: GimbalAttitude, rates: Vector3, body: AttitudeAt
+    ) -> tuple[Quaternion, Vector3, float]:
         """Attitude in NED and rates of a gimbal whose angles count from the vehicle, and the angle to the other reading
         of roll and pitch where it is possible, radians.
         """

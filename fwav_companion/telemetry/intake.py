@@ -138,7 +138,7 @@ class Intake:
             self._kept.positions.insert(boot_ns, place_ned, velocity_ned)
             jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
             if jump is not None:
-                self._kept.jumped(boot_ns)
+                self._kept.split_at_jump(boot_ns)
                 return (*events, PositionJumped(boot_ns, *jump))
         return events
 

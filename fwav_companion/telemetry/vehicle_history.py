@@ -59,7 +59,7 @@ class VehicleHistory:
         self._jumped_ns: BootNs | None = None
         """Instant of the first position after the last jump."""
 
-    def jumped(self, boot_ns: BootNs) -> None:
+    def split_at_jump(self, boot_ns: BootNs) -> None:
         """Split the history: the position of this instant jumped beyond its velocity."""
         self.positions.split_at(boot_ns)
         self._jumped_ns = boot_ns

@@ -35,7 +35,7 @@ from fwav_companion.types.sightings import (
     Unpaired,
 )
 from fwav_companion.types.situation import Autopilot, AutopilotKind, Situation
-from fwav_companion.types.standing import StandingTarget
+from fwav_companion.types.standing import ElevatedTarget
 from fwav_companion.types.telemetry import (
     AttitudeSample,
     ClockEstimate,
@@ -69,6 +69,7 @@ __all__ = [
     "DeliveryReport",
     "Destination",
     "Detection",
+    "ElevatedTarget",
     "ErrorBudget",
     "ErrorPriors",
     "Frame",
@@ -105,7 +106,6 @@ __all__ = [
     "Sighting",
     "Situation",
     "StampClock",
-    "StandingTarget",
     "SurfaceShape",
     "TakeOff",
     "TakeOffSource",

@@ -197,7 +197,7 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     and ``relative_cov``, not of ``noise_cov``: the error is the same in every fix and does not average out."""
 
     @property
-    def drop_m(self) -> float:
+    def height_above_target_m(self) -> float:
         """Height of the camera above the detected point, metres. The point is on the ground, or higher on a target."""
         return self.position_ned[2] - self.sighting.camera_ned[2] - self.sighting.anchor_height_m
 

@@ -12,7 +12,7 @@ USUAL_SHARE = 0.1
 and detectors do not distinguish them from children."""
 
 
-class StandingTarget(msgspec.Struct, frozen=True, kw_only=True):
+class ElevatedTarget(msgspec.Struct, frozen=True, kw_only=True):
     """One [[target]]: a label whose things rise above the ground. What is reported is their foot, on the ground."""
 
     label: Annotated[str, Meta(min_length=1, max_length=256)]

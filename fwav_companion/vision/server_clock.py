@@ -42,7 +42,7 @@ class ServerClock:
     """The least difference of each bucket, in the order of the stamps."""
     _line: tuple[float, float, float] | None = None
     """Stamp of a point on the line, difference at that stamp, and rate."""
-    _late: int = 0
+    _late_count: int = 0
 
     def observe(self, server_s: float, arrival_s: float) -> bool:
         """Update with a picture's stamp and arrival; returns whether the server's clock was set since the last one."""
@@ -50,7 +50,7 @@ class ServerClock:
         stepped = self._is_stepped(server_s, difference_s)
         if stepped:
             self.steps += 1
-            self._least, self._line, self._late = [], None, 0
+            self._least, self._line, self._late_count = [], None, 0
         self._add(server_s, difference_s)
         return stepped
 
@@ -70,9 +70,9 @@ class ServerClock:
         if self._line is None:
             return False
         late_s = difference_s - (self.host_from_server(server_s) - server_s)
-        self._late = self._late + 1 if late_s > LATE_S else 0
+        self._late_count = self._late_count + 1 if late_s > LATE_S else 0
         backwards = server_s < self._least[-1][0] - BUCKET_S
-        return late_s < -EARLY_S - MOST_RATE * self._span_s() or self._late >= LATE_PICTURES or backwards
+        return late_s < -EARLY_S - MOST_RATE * self._span_s() or self._late_count >= LATE_PICTURES or backwards
 
     def _add(self, server_s: float, difference_s: float) -> None:
         bucket = int(server_s // BUCKET_S)

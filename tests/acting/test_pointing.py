@@ -6,7 +6,7 @@ from math import atan2, cos, degrees, radians
 import pytest
 from acting_world import T0, S, a_track, options, situation, state
 
-from fwav_companion.acting.aim import Angles, apart
+from fwav_companion.acting.aim import Angles, angle_between
 from fwav_companion.acting.gimbal_watch import GimbalWatch
 from fwav_companion.acting.pointing import Pointing
 
@@ -112,7 +112,7 @@ def test_estimate_that_moves_within_its_claim_leaves_the_target_in_the_middle():
         place = (20.0, 0.0, 0.0) if k <= 80 else (20.0, 2.0, 0.0)
         made.on_track(a_track(now, place, ray=(off_right, off_down, 1.0)))
         look = made.command(situation(now))
-        errors.append(degrees(apart(look, middle)))
+        errors.append(degrees(angle_between(look, middle)))
     assert not made.holds
     assert max(errors[:80]) < 0.4
     assert 1.0 < max(errors[80:]) < 1.7

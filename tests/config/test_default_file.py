@@ -13,7 +13,7 @@ from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
 from fwav_companion.config.estimation import GroundConfig
 from fwav_companion.fleet.options import FleetTable
-from fwav_companion.types import StandingTarget
+from fwav_companion.types import ElevatedTarget
 from fwav_companion.vision.task import VisionTask
 
 TEXT = template("fwav-companion.toml")
@@ -88,8 +88,8 @@ def test_what_is_commented_out_is_right_too():
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
     assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
     assert set(shown["act"]) == set(ActTable.__struct_fields__)
-    assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static"),)
-    assert set(shown["target"][-1]) == set(StandingTarget.__struct_fields__)
+    assert config.target == (ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static"),)
+    assert set(shown["target"][-1]) == set(ElevatedTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
 
 

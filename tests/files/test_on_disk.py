@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from fwav_companion import on_disk
-from fwav_companion.on_disk import content, created, made_folder, opened, whole
+from fwav_companion.on_disk import content, created, made_folder, open_regular, whole
 
 
 def test_a_file_is_read_through_links_and_the_null_device_is_an_empty_one(tmp_path):
@@ -48,7 +48,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path, monkeypatch, said):
     path = on_disk.Path("named")
     NO_FILES[said](path)
     with pytest.raises(OSError, match="named") as caught:
-        opened(path)
+        open_regular(path)
     assert caught.value.strerror == said
 
 
@@ -71,7 +71,7 @@ class Huge:
 
 def test_a_file_larger_than_the_memory_is_said_to_be(tmp_path, monkeypatch):
     (tmp_path / "huge").write_bytes(b"12345")
-    monkeypatch.setattr(on_disk, "opened", Huge)
+    monkeypatch.setattr(on_disk, "open_regular", Huge)
     with pytest.raises(OSError, match="huge") as caught:
         content(tmp_path / "huge")
     assert caught.value.strerror == "Its 5 bytes do not fit into the memory"

@@ -16,7 +16,7 @@ from fleet_messages import NOW, shared, tracks_message
 from picture_receiver import NOW as FLOWN
 from picture_receiver import Receiver, heartbeat, position, text
 
-from fwav_companion.cli.ground_inputs import judged
+from fwav_companion.cli.ground_inputs import findings_by_status
 from fwav_companion.fleet.payloads import encoded
 from fwav_companion.geoid import geoid_undulation_m
 from fwav_companion.ground import status_reader
@@ -195,7 +195,7 @@ IMPOSSIBLE = {
 def test_impossible_values_in_a_status_leave_the_picture_and_its_exports_sound(kind: str):
     picture = GroundPicture()
     status = run_status({"autopilot": {"system": 1, "age_s": 0.1}, "time_monotonic": 5.0, **IMPOSSIBLE[kind]})
-    reader = StatusReader("f", picture, clock=lambda: FLOWN, understand=lambda _: None, judge=judged)
+    reader = StatusReader("f", picture, clock=lambda: FLOWN, understand=lambda _: None, judge=findings_by_status)
     asyncio.run(reader._take(status))
     picture.advance(FLOWN + 9.0)
     vehicle = picture.vehicles["1"]

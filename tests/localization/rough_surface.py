@@ -39,7 +39,7 @@ def surface(rng, objects=150):
 def ground_of(heights, lift_m):
     made = tile(lambda i, j: 500.0 + heights[i, j] + lift_m, SIZE, SIZE, LAT + 200 * FINE, LON - 200 * FINE, FINE)
     ground = TerrainGround(ElevationModel([made]), Datum.EGM96)
-    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
     ground.shift = None  # the model's own heights, of which the draw is the error
     return ground
 

@@ -89,7 +89,7 @@ def test_the_square_of_an_unconfirmed_shift_is_in_the_claim():
     fixes = {}
     for source in (TakeOffSource.HOME_POSITION, TakeOffSource.LANDING, TakeOffSource.STANDING):
         ground = TerrainGround(ElevationModel([made]), Datum.EGM96)
-        text = ground.placed(PLANE, TakeOff(PLANE.origin, source), None)
+        text = ground.on_origin(PLANE, TakeOff(PLANE.origin, source), None)
         assert ("not confirmed" in text) is (source is TakeOffSource.STANDING)
         fixes[source] = Localizer(ground, PRIORS, min_height_m=0.5).locate(scene.sighting())
     sure, landed, unsure = fixes.values()
@@ -102,7 +102,7 @@ def test_a_landmark_shifts_a_model_whose_shift_is_not_confirmed():
     """Level ground at 494 m by the model, at 500 m by the landmark; the vehicle reports its altitude 1.5 m too high."""
     place = PLANE.origin
     ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
-    ground.placed(PLANE, TakeOff(place, TakeOffSource.ASSUMED), None)
+    ground.on_origin(PLANE, TakeOff(place, TakeOffSource.ASSUMED), None)
     locate = Localizer(ground, PRIORS, min_height_m=0.5).locate
     before = locate(Scene(vehicle=(0.0, 0.0)).sighting())
     assert ground.shown(place, 1.5, 4.0) == "", "hardly better than the 5 m of the model's own heights"
@@ -118,7 +118,7 @@ def test_a_landmark_shifts_a_model_whose_shift_is_not_confirmed():
 def test_a_landmark_that_is_left_out_takes_its_shifts_back():
     """Two shifts by a landmark that is 6 m too high; then the model lies, and claims, as before both."""
     ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
-    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
     locate = Localizer(ground, PRIORS, min_height_m=0.5).locate
     before = locate(Scene(vehicle=(0.0, 0.0)).sighting())
     landmark = Landmark("mark", PLANE.origin, 0.05)
@@ -140,10 +140,10 @@ def test_a_landmark_that_is_left_out_takes_its_shifts_back():
 
 def test_a_landmark_changes_nothing_where_the_shift_is_confirmed_or_the_model_has_no_height():
     confirmed = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
-    confirmed.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
+    confirmed.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
     assert confirmed.shown(PLANE.origin, 0.0, 0.1) == ""
     void = TerrainGround(ElevationModel([tile(lambda _i, _j: float("nan"))]), Datum.EGM96)
-    void.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    void.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
     assert void.shown(PLANE.origin, 0.0, 0.1) == ""
     assert void.shift.source is TakeOffSource.ASSUMED
 
@@ -151,7 +151,7 @@ def test_a_landmark_changes_nothing_where_the_shift_is_confirmed_or_the_model_ha
 def test_without_a_take_off_the_model_keeps_its_heights_and_the_claim_says_so():
     """A tree top under a vehicle that is first heard 60 m up does not bend the model."""
     ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 524.0)]), Datum.EGM96)
-    text = ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    text = ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
     assert "not known" in text
     assert ground.shift.shift_m == 0.0
     fix = Localizer(ground, PRIORS, min_height_m=0.5).locate(Scene(vehicle=(0.0, 0.0), height_m=60.0).sighting())

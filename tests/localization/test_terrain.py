@@ -23,7 +23,7 @@ class TestGround:
 
     def ground(self, model, datum=Datum.EGM96, undulation=None) -> TerrainGround:
         ground = TerrainGround(model, datum)
-        self.notice = ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), undulation)
+        self.notice = ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), undulation)
         return ground
 
     def locate(self, ground, sighting):
@@ -154,7 +154,7 @@ class TestGround:
         """The world's origin is where the vehicle was first heard: on a slope the ground there is another height."""
         home = Geodetic.from_degrees(LAT - 30.0 * STEP, LON, 500.0 - 0.2 * 30.87 * 30.0)
         ground = TerrainGround(self.slope, Datum.EGM96)
-        ground.placed(
+        ground.on_origin(
             TangentPlane(Geodetic.from_degrees(LAT, LON, home.alt_amsl_m)),
             TakeOff(home, TakeOffSource.HOME_POSITION),
             None,
@@ -179,7 +179,7 @@ class TestGround:
     def test_a_take_off_outside_the_model_leaves_it_as_it_is(self):
         far = TerrainGround(self.level, Datum.EGM96)
         away = TangentPlane(Geodetic.from_degrees(10.0, 10.0, 100.0))
-        notice = far.placed(away, TakeOff(away.origin, TakeOffSource.HOME_POSITION), None)
+        notice = far.on_origin(away, TakeOff(away.origin, TakeOffSource.HOME_POSITION), None)
         assert "outside" in notice
         assert far.shift.shift_m == 0.0
 
@@ -246,14 +246,14 @@ def test_the_status_of_an_elevation_model_before_and_after_its_shift():
     assert (before.model, before.source, before.datum) == ("terrain", "files", "egm96")
     assert (before.shift_m, before.shift_sigma_m, before.shift_source) == (0.0, None, None)
     assert before.trouble == Reason.NO_POSITION.value
-    ground.placed(
+    ground.on_origin(
         PLANE, TakeOff(msgspec.structs.replace(PLANE.origin, alt_amsl_m=503.0), TakeOffSource.HOME_POSITION), None
     )
     after = ground.status()
     assert (after.shift_m, after.shift_sigma_m) == (pytest.approx(3.0, abs=0.01), 0.0)
     assert (after.shift_source, after.trouble) == (TakeOffSource.HOME_POSITION.value, None)
     far = TerrainGround(ElevationModel([tile(lambda *_: 500.0)]), Datum.EGM96)
-    far.placed(
+    far.on_origin(
         PLANE, TakeOff(msgspec.structs.replace(PLANE.origin, alt_amsl_m=900.0), TakeOffSource.HOME_POSITION), None
     )
     assert far.status().trouble == Reason.TERRAIN_UNFIT.value

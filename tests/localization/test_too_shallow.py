@@ -27,7 +27,7 @@ def home():
 def slope():
     """A slope of 0.4 down to the east, on which a rotation about down changes the ray's length."""
     ground = TerrainGround(ElevationModel([tile(lambda _, j: 500.0 - 0.4 * 20.86 * (j - 60))]), Datum.EGM96)
-    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
+    ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
     return ground
 
 

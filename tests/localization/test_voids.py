@@ -49,7 +49,7 @@ def test_fix_on_a_filled_void_claims_its_sigma_and_a_wide_one_is_refused() -> No
 
     def locate(heights: np.ndarray) -> GroundFix | NoFix:
         ground = TerrainGround(model_of(heights - 40.0), Datum.EGM96)
-        ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+        ground.on_origin(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
         return Localizer(ground, PRIORS, min_height_m=0.5).locate(sighting)
 
     whole, filled = locate(holed(0, 0)), locate(holed(9, 2, relief_m=0.01))

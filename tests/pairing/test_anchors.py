@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
 from fwav_companion.pairing.anchors import anchor_of, anchored, foot_pixel, marker_centre
-from fwav_companion.types import Detection, StandingTarget
+from fwav_companion.types import Detection, ElevatedTarget
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
 DOWNWARD = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -59,7 +59,7 @@ def seen(detection, ned_from_camera):
 def test_the_edge_that_shows_the_foot_is_less_certain_than_the_centre(azimuth_deg, axis):
     """The pole's image runs along v ahead and behind, along u aside: across that edge the sigma is 1.5 to 2 times."""
     ned_from_camera, pixels = pole(40.0, azimuth_deg)
-    person = StandingTarget(label="person", height_m=1.7, anchor="bottom")
+    person = ElevatedTarget(label="person", height_m=1.7, anchor="bottom")
     detection = Detection(1.0, 1.0, sigma=(2.0, 3.0), box=box_of(pixels))
     found = anchored(seen(detection, ned_from_camera), person, LENS)
     expected = [2.0, 3.0]
@@ -82,7 +82,7 @@ def test_where_the_box_shows_no_foot_its_centre_counts(name, angle_deg, shift):
     if shift is None:
         box = (box[0], -0.5, box[2], box[3])
     detection = Detection(1.0, 1.0, box=None if name == "no box" else box)
-    person = StandingTarget(label="person", height_m=1.7, anchor="bottom")
+    person = ElevatedTarget(label="person", height_m=1.7, anchor="bottom")
     anchor = anchor_of(person, detection, ned_from_camera, LENS)
     assert anchor.pixel is None
     assert (anchor.height_m, anchor.sigma_m) == pytest.approx((0.85, 0.085))
@@ -92,7 +92,7 @@ def test_where_the_box_shows_no_foot_its_centre_counts(name, angle_deg, shift):
     ("anchor", "height_m", "sigma_m"), [("center", 0.85, 0.1), ("top", 1.7, 0.2), ("ground", 0.0, 0.0)]
 )
 def test_the_height_of_the_other_anchors(anchor, height_m, sigma_m):
-    person = StandingTarget(label="person", height_m=1.7, height_sigma_m=0.2, anchor=anchor)
+    person = ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.2, anchor=anchor)
     ned_from_camera, pixels = pole(40.0, 0.0)
     found = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels)), ned_from_camera, LENS)
     assert (found.height_m, found.sigma_m, found.pixel) == (height_m, sigma_m, None)
@@ -133,7 +133,7 @@ def test_the_foot_of_a_turned_box_is_nearer_to_the_truth_than_that_of_the_uprigh
 
 def test_ankles_are_a_little_above_the_ground_and_without_them_the_middle_counts():
     ned_from_camera, pixels = pole(40.0, 0.0)
-    person = StandingTarget(label="person", height_m=1.7, anchor="ankles")
+    person = ElevatedTarget(label="person", height_m=1.7, anchor="ankles")
     ankles = tuple(pixels[1])  # 0.06 m above the ground
     found = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels), foot=ankles), ned_from_camera, LENS)
     assert found.pixel == ankles

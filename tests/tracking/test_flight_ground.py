@@ -153,7 +153,7 @@ def test_surface_is_at_the_models_level_or_at_zero_where_heights_count_from_the_
     home.home_moved(4.0)
     assert surface_of(home.reference()).height(place)[0][0] == -4.0
     altitude = AltitudeGround(410.0)
-    altitude.placed(SimpleNamespace(origin=SimpleNamespace(alt_amsl_m=400.0)), None, None)
+    altitude.on_origin(SimpleNamespace(origin=SimpleNamespace(alt_amsl_m=400.0)), None, None)
     assert surface_of(altitude.reference()).height(place)[0][0] == 10.0
 
 

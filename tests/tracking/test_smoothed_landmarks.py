@@ -28,7 +28,9 @@ HOME = GroundReference(HeightReference.ALTITUDE, level_m=0.2)
 def sight(drop_m=11.5):
     """A sight from 12 m above the origin."""
     sighting = SimpleNamespace(camera_ned=(0.0, 0.0, -12.0), anchor_height_m=0.0, anchor_sigma_m=0.0)
-    return SimpleNamespace(landmark=0, fix=SimpleNamespace(sighting=sighting, drop_m=drop_m), north_m=3.0, east_m=-2.0)
+    return SimpleNamespace(
+        landmark=0, fix=SimpleNamespace(sighting=sighting, height_above_target_m=drop_m), north_m=3.0, east_m=-2.0
+    )
 
 
 @pytest.fixture

@@ -54,8 +54,8 @@ def release(books: TargetBooks, vehicles: Mapping[str, ReportingVehicle], now: f
         if len(target.members) < 2:
             continue
         apart = float(nis(vehicle.corrected(track, now) - target.position, vehicle.spread(track) + target.cov))
-        steps = target.apart.get(key[0], 0) + 1 if apart > RELEASE_GATE else 0
-        target.apart[key[0]] = steps
+        steps = target.steps_outside_gate.get(key[0], 0) + 1 if apart > RELEASE_GATE else 0
+        target.steps_outside_gate[key[0]] = steps
         if steps >= RELEASE_STEPS:
             books.leave(*key)
 

@@ -31,7 +31,7 @@ class FusedTarget:
     down_variance: float = 1.0
     confirmed: bool = False
     """Whether one of its confirmed tracks is fresh."""
-    apart: dict[str, int] = field(default_factory=dict)
+    steps_outside_gate: dict[str, int] = field(default_factory=dict)
     """Number of steps in a row in which the track of each vehicle disagreed."""
 
 
@@ -63,7 +63,7 @@ class TargetBooks:
             return
         if target.members.get(vehicle) == track:
             del target.members[vehicle]
-        target.apart.pop(vehicle, None)
+        target.steps_outside_gate.pop(vehicle, None)
         if not target.members:
             del self.targets[target.id]
 
@@ -82,7 +82,7 @@ class TargetBooks:
             known = self.targets.get(own.get(target.id, 0))
             copy = renamed.new(target.label, target.first_unix) if known is None else known
             if known is not None:
-                known.members, known.apart = {}, {}
+                known.members, known.steps_outside_gate = {}, {}
                 renamed.targets[known.id] = known
             copy.position, copy.cov, copy.seen_unix = target.position, target.cov, target.seen_unix
             for vehicle, track in target.members.items():

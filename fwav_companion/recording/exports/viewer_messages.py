@@ -37,7 +37,7 @@ class ViewerMessages:
         self._plane: TangentPlane | None = None
         self._unix_offset_s = 0.0
         self._last_ns = 0
-        self._placed_ns = -1
+        self._last_pose_ns = -1
         self._has_altitude = True
 
     def of_line(self, line: Line) -> list[Message]:
@@ -91,8 +91,8 @@ class ViewerMessages:
             fix = location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
             messages.append(("/targets/location", at_ns, fix))
         relative = line.get("relative")
-        if relative is not None and at_ns != self._placed_ns:
-            self._placed_ns = at_ns  # one pose a frame, by its first target
+        if relative is not None and at_ns != self._last_pose_ns:
+            self._last_pose_ns = at_ns  # one pose a frame, by its first target
             north, east, down = place
             vehicle_ned = (north - relative["north"], east - relative["east"], down - relative["down"])
             messages += self._of_vehicle(at_ns, at, vehicle_ned)

@@ -64,7 +64,7 @@ HOPELESS = 0.25
 TOO_SLOW = 0.1
 """Share of the rates' mean square that the attitudes leave unexplained, above which the stream does not show the
 motion."""
-SMOOTH = 0.01
+UNSEEN_LIMIT = 0.01
 """Bound on the motion that only the rates show, rad, RMS. A motion faster than half the sample rate has an amplitude
 below its rate times the spacing over pi. If that is below 0.6 degrees, the vehicle moves smoothly: the missed part is
 noise of its attitudes, and their instants are known. A wing of 5 degrees at 5 Hz, sampled at 3.3 Hz, is at 0.19."""
@@ -195,7 +195,7 @@ class AttitudeQuality:
     def _motion_unseen(self) -> _Unseen:
         motion, disagreement = self.motion, self.rates.disagreement
         unseen = disagreement * motion.spacing_s / pi
-        if unseen < SMOOTH and not motion.alternates:
+        if unseen < UNSEEN_LIMIT and not motion.alternates:
             return _Unseen(unseen, 0.0, 0.0)
         return _Unseen(0.0, disagreement, motion.spacing_s / sqrt(12.0))
 

@@ -64,7 +64,7 @@ class RateModel(msgspec.Struct, frozen=True):
     def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
         """Corrected body rates at the middle one of three samples."""
         sent, slope, curve = _basis(three)
-        return _mixed(sent, self.gain, b=slope, of_b=self.lag_s, c=curve, of_c=self.curve_s2)
+        return _weighted_sum(sent, self.gain, b=slope, of_b=self.lag_s, c=curve, of_c=self.curve_s2)
 
 
 AS_SENT = RateModel()
@@ -74,12 +74,12 @@ class RateFit:
     """Fits the rate model by recursive least squares with a short memory, five samples at a time."""
 
     __slots__ = (
+        "_alternating_share",
         "_count",
         "_normal",
         "_right",
         "_sent2",
         "_step2",
-        "_undone",
         "_undone2",
         "_weight",
         "_yy",
@@ -97,7 +97,7 @@ class RateFit:
         self._right = [0.0] * 3
         self._yy = 0.0
         self._sent2 = self._step2 = self._undone2 = 0.0
-        self._undone = 0.0
+        self._alternating_share = 0.0
         """Mean share of each step between rates that the next step undoes."""
         self.alternates = False
         """Whether half a period of the motion lies between two samples."""
@@ -129,11 +129,13 @@ class RateFit:
         self._weight = keep * self._weight + 1.0
         self._count += 1
         self.sent_rms = sqrt(self._sent2 / self._weight)
-        self._undone = min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
-        self.alternates = self._undone > ALTERNATING
+        self._alternating_share = min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
+        self.alternates = self._alternating_share > ALTERNATING
         if self._count >= SAMPLES_TO_BEGIN:
             spacing_s = (five[3].boot_ns - five[2].boot_ns) * 1e-9
-            self._judge([frequency, *([acos(-self._undone) / spacing_s] if self._undone > SWIFT else [])])
+            self._judge(
+                [frequency, *([acos(-self._alternating_share) / spacing_s] if self._alternating_share > SWIFT else [])]
+            )
         self.disagreement = self._disagreement()
 
     def _disagreement(self) -> float:
@@ -184,7 +186,7 @@ def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
     from_before, from_after = _slope_from_rates(turn1), _slope_from_rates(turn2)
     a, b, own = a / total, b / total, 1.0 / total
     columns = [
-        _mixed(transform(from_before, p), a, b=m, of_b=own, c=transform(from_after, n), of_c=b)
+        _weighted_sum(transform(from_before, p), a, b=m, of_b=own, c=transform(from_after, n), of_c=b)
         for p, m, n in zip(_basis(five[0:3]), _basis(five[1:4]), _basis(five[2:5]), strict=True)
     ]
     course = subtract(scale(turn2, right / h2), scale(turn1, left / h1))
@@ -199,8 +201,8 @@ def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
     h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
     first, last = 1.0 / (h1 * (h1 + h2)), 1.0 / (h2 * (h1 + h2))
     p, m, n = before.rates, middle.rates, after.rates
-    slope = _mixed(p, -h2 * first, b=m, of_b=(h2 - h1) / (h1 * h2), c=n, of_c=h1 * last)
-    return m, slope, _mixed(p, 2.0 * first, b=m, of_b=-2.0 / (h1 * h2), c=n, of_c=2.0 * last)
+    slope = _weighted_sum(p, -h2 * first, b=m, of_b=(h2 - h1) / (h1 * h2), c=n, of_c=h1 * last)
+    return m, slope, _weighted_sum(p, 2.0 * first, b=m, of_b=-2.0 / (h1 * h2), c=n, of_c=2.0 * last)
 
 
 def _slope_from_rates(turn: Vector3) -> Matrix3:
@@ -212,7 +214,7 @@ def _slope_from_rates(turn: Vector3) -> Matrix3:
     return ((1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy))
 
 
-def _mixed(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: float) -> Vector3:
+def _weighted_sum(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: float) -> Vector3:
     """Weighted sum of three vectors."""
     return (
         a[0] * of_a + b[0] * of_b + c[0] * of_c,

@@ -92,7 +92,7 @@ class ChessboardFinder:
         if found is None:
             return None
         pixels = (found + 0.5) * [picture.shape[1] / small.shape[1], picture.shape[0] / small.shape[0]] - 0.5
-        return self._places, _refined(picture, pixels, CHESSBOARD_REACH * spacing_px(pixels))
+        return self._places, _refine_corners(picture, pixels, CHESSBOARD_REACH * spacing_px(pixels))
 
     def _corners(self, picture: Grey) -> Floats | None:
         found, corners = cv2.findChessboardCornersSB(picture, self._pattern, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
@@ -136,7 +136,7 @@ class CharucoFinder:
             if detector is not self._detectors[0]:
                 self._detectors.reverse()
             pixels = corners.reshape(-1, 2).astype(np.float64)
-            return self._places[np.ravel(ids)], _refined(picture, pixels, self._to_marker * spacing_px(pixels))
+            return self._places[np.ravel(ids)], _refine_corners(picture, pixels, self._to_marker * spacing_px(pixels))
         return None
 
 
@@ -174,7 +174,9 @@ class AprilgridFinder:
         if not seen:
             return None
         reach = TAG_REACH / TAG_MODULES
-        pixels = np.concatenate([_refined(picture, quad, reach * _shortest_side(quad)) for quad in seen.values()])
+        pixels = np.concatenate(
+            [_refine_corners(picture, quad, reach * _shortest_side(quad)) for quad in seen.values()]
+        )
         error, places = _best_layout(self._board, list(seen), pixels)
         if error < WRONG_LAYOUT * min(map(_shortest_side, seen.values())):
             return places, pixels
@@ -220,7 +222,7 @@ def at_most(picture: Grey, longest_px: int) -> Grey:
     return np.asarray(cv2.resize(picture, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _refined(picture: Grey, pixels: Floats, reach_px: float) -> Floats:
+def _refine_corners(picture: Grey, pixels: Floats, reach_px: float) -> Floats:
     """The corners moved to the saddle of the grey levels around them, at most ``reach_px`` away."""
     half = int(np.clip(reach_px, SMALLEST_WINDOW, LARGEST_WINDOW))
     start = np.ascontiguousarray(pixels, dtype=np.float32).reshape(-1, 1, 2)

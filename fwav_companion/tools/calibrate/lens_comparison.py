@@ -13,7 +13,7 @@ import numpy as np
 from fwav_companion.camera import file_and_camera, parse_calibration
 from fwav_companion.camera.batch import camera_rays_from_pixels
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import opened
+from fwav_companion.on_disk import open_regular
 from fwav_companion.tools.calibrate.lens_fit.reprojection import Floats
 from fwav_companion.types import Lens
 
@@ -103,7 +103,7 @@ def _lens(path: Path) -> Lens:
     named, camera = file_and_camera(str(path))
     accepted = "accepted: a camera file, as `init` writes one"
     try:
-        with opened(Path(named)) as file:
+        with open_regular(Path(named)) as file:
             text = file.read(LARGEST_BYTES).decode()
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import content, opened
+from fwav_companion.on_disk import content, open_regular
 from fwav_companion.tools.calibrate.board_finders import Grey
 
 ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
@@ -147,7 +147,7 @@ def _held(grey: Grey) -> ReadPicture:
 def _files(path: Path) -> Iterator[Path]:
     try:
         if not path.is_dir():
-            with opened(path):
+            with open_regular(path):
                 yield path
             return
         inside = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)

@@ -16,7 +16,7 @@ from fwav_companion.on_disk import whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.tools.click_flight.click_report import click_page
-from fwav_companion.tools.click_flight.click_score import PASS_GAP_S, ClickScore, is_whole, judged, sample
+from fwav_companion.tools.click_flight.click_score import PASS_GAP_S, ClickScore, is_whole, sample, with_troubles
 from fwav_companion.tools.click_flight.clicked_flight import Click, ClickedFlight
 from fwav_companion.tools.click_flight.rendered_flight import RenderedFlight, TrueSpot
 from fwav_companion.types.spots import CLICK_LABEL
@@ -25,7 +25,7 @@ from fwav_companion.vision.preview_drawing import drawn
 
 LOOKS_AFTER_S: Final = 5.5
 """Time after the first frame at which the operator looks: the clock has settled, the vehicle is localized."""
-BELIEVED: Final = ("confirmed", "coasting")
+CONFIRMED_STATES: Final = ("confirmed", "coasting")
 KEPT_PICTURES: Final = 3
 """Pictures in the report: the click, the next pass, the last one."""
 
@@ -75,16 +75,16 @@ class ClickDemonstration:
             for each in seen
             if is_whole(each.pixel, size) and each.frame >= flight.followed_from
         )
-        believed = [line for line in flight.lines if line["state"] in BELIEVED]
-        score = ClickScore(samples=samples, refusals=tuple(flight.refusals), confirmed=bool(believed))
-        if not believed or flight.origin is None:
-            return judged(score, None, right_picture=_is_right(flight.click), strays=())
-        last = believed[-1]
+        confirmed = [line for line in flight.lines if line["state"] in CONFIRMED_STATES]
+        score = ClickScore(samples=samples, refusals=tuple(flight.refusals), confirmed=bool(confirmed))
+        if not confirmed or flight.origin is None:
+            return with_troubles(score, None, right_picture=_is_right(flight.click), strays=())
+        last = confirmed[-1]
         score = msgspec.structs.replace(
             score, error_m=_error_m(last, spot, flight.origin), claimed95_m=circle_radius(last["cov"], 0.95)
         )
         strays = sorted(found.keys() - {each.frame for each in spot.sights})
-        return judged(score, last["cov"], right_picture=_is_right(flight.click), strays=strays)
+        return with_troubles(score, last["cov"], right_picture=_is_right(flight.click), strays=strays)
 
 
 def _is_right(click: Click) -> bool:

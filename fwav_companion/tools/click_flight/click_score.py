@@ -106,7 +106,7 @@ def is_whole(pixel: Sequence[float], size: tuple[int, int]) -> bool:
     return EDGE_PX < u < size[0] - 1 - EDGE_PX and EDGE_PX < v < size[1] - 1 - EDGE_PX
 
 
-def judged(score: ClickScore, cov: Any, *, right_picture: bool, strays: Iterable[int]) -> ClickScore:
+def with_troubles(score: ClickScore, cov: Any, *, right_picture: bool, strays: Iterable[int]) -> ClickScore:
     """The score with its troubles. ``cov``: of the target at the end. ``strays``: frames in which the spot was found
     although it was not in the picture.
     """

@@ -23,7 +23,7 @@ def recorded_video(
 
     InputFileError where it is no video, or where times of day matter and there are none.
     """
-    capture = _opened(path)
+    capture = _open_video(path)
     telemetry = None if options is None else _telemetry(path, capture, options)
     begin_s = _begin_s(path, start, telemetry, timed=timed)
     poses: list[PoseRow] = []
@@ -43,7 +43,7 @@ def recorded_video(
 
 def video_pose_rows(path: Path, start: datetime | None, options: PoseOptions) -> tuple[int, Iterator[PoseRow | None]]:
     """The number of frames, and their poses; a None beside each: a step of the work."""
-    capture = _opened(path)
+    capture = _open_video(path)
     telemetry = _telemetry(path, capture, options)
     begin_s = _begin_s(path, start, telemetry, timed=False)
     size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
@@ -58,7 +58,7 @@ def video_pose_rows(path: Path, start: datetime | None, options: PoseOptions) ->
     return max(1, int(capture.get(cv2.CAP_PROP_FRAME_COUNT))), read()
 
 
-def _opened(path: Path) -> Any:
+def _open_video(path: Path) -> Any:
     capture: Any = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise InputFileError(f"{path}: not a video or picture that OpenCV reads")

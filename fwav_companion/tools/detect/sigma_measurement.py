@@ -80,7 +80,7 @@ class TruthResiduals:
     """Residuals of centres against true boxes."""
 
     def __init__(self) -> None:
-        self._displaced: list[tuple[float, float]] = []
+        self._displacements: list[tuple[float, float]] = []
         self._by_prior: list[tuple[float, float]] = []
         self._lower: list[tuple[float, float]] = []
 
@@ -101,14 +101,14 @@ class TruthResiduals:
         left, top, right, bottom = found["box"]
         du, dv = found["u"] - 0.5 * (truth[0] + truth[2]), found["v"] - 0.5 * (truth[1] + truth[3])
         sides, sigma = (right - left, bottom - top), found["sigma"]
-        self._displaced.append((du / sides[0], dv / sides[1]))
+        self._displacements.append((du / sides[0], dv / sides[1]))
         self._by_prior.append((sides[0] / sigma[0], sides[1] / sigma[1]))
         self._lower.append(((bottom - truth[3]) / (truth[3] - truth[1]), (bottom - truth[3]) / sigma[1]))
 
     def result(self) -> MeasuredSigma:
         """The factor of the prior about the mean displacement. InputFileError with too few residuals."""
-        _require(2 * len(self._displaced), "matched a true box; accepted: labels of these very pictures")
-        shares = np.array(self._displaced)
+        _require(2 * len(self._displacements), "matched a true box; accepted: labels of these very pictures")
+        shares = np.array(self._displacements)
         bias = shares.mean(axis=0)
         normal = (shares - bias) * np.array(self._by_prior)
         factor = sqrt(float((normal**2).sum()) / max(1, normal.size - 2))

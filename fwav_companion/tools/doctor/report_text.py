@@ -59,12 +59,12 @@ def _streams(status: RunStatus) -> Iterator[str]:
     for name, stream in status.rates.items():
         if stream.asked_hz is not None:
             measured = "not yet measured" if stream.measured_hz is None else f"{stream.measured_hz:.1f} Hz"
-            yield f"  {name}: {measured} of {stream.asked_hz:g} Hz requested ({stream.state}){_undone(stream)}"
+            yield f"  {name}: {measured} of {stream.asked_hz:g} Hz requested ({stream.state}){_overridden_by(stream)}"
         elif stream.measured_hz:
             yield f"  {name}: {stream.measured_hz:.1f} Hz as it comes"
 
 
-def _undone(stream: StreamReport) -> str:
+def _overridden_by(stream: StreamReport) -> str:
     if not stream.undone_by:
         return ""
     return f", requested again: {stream.undone_by}" if REBOOTED in stream.undone_by else f", lost to {stream.undone_by}"

@@ -42,7 +42,7 @@ class ClickBoard:
         """
         self._file, self._photographs, self._session = file, photographs, session
         self._clicks: dict[tuple[str, str], PictureClick] = {(each.label, each.file): each for each in file.read()}
-        self._opened: LocateSession | None = None
+        self._current_session: LocateSession | None = None
         known = {each.path.name: each for each in self._shown()}
         for each in self._clicks.values():
             if each.file not in known:
@@ -93,9 +93,11 @@ class ClickBoard:
 
     def _located_session(self, *more: str) -> LocateSession:
         shown = self._shown(*more)
-        if self._opened is None or [each.path for each in shown] != [each.path for each in self._opened.photographs]:
-            self._opened = self._session(shown)
-        return self._opened
+        if self._current_session is None or [each.path for each in shown] != [
+            each.path for each in self._current_session.photographs
+        ]:
+            self._current_session = self._session(shown)
+        return self._current_session
 
     def _shown(self, *more: str) -> Sequence[Photograph]:
         return self._photographs([*dict.fromkeys([*(each.file for each in self._clicks.values()), *more])])

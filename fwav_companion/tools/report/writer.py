@@ -10,7 +10,7 @@ from typing import Any
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
-from fwav_companion.on_disk import opened, write_page
+from fwav_companion.on_disk import open_regular, write_page
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
@@ -106,7 +106,7 @@ def _targets(path: Path) -> tuple[list[Line], int]:
     """The whole lines, the header first, and the number of damaged lines."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             lines, damaged = read_lines(file)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None

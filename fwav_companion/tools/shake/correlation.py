@@ -37,7 +37,7 @@ LEAST_PAIRS: Final = 30
 """Least number of pairs: a second of frames."""
 RIVAL_APART_S: Final = 0.06
 """Delays closer to one another than this belong to the same peak."""
-SURE: Final = 5.0
+CERTAIN_SIGMAS: Final = 5.0
 """Sigmas by which the weakest axis must exceed the noise before the sign of the determinant counts."""
 OF_ITS_OWN: Final = 0.3
 """Least ratio of the weakest axis's turns to the next weaker one's. Rolling and pitching alone turn the body about
@@ -152,7 +152,7 @@ def _orthogonal(products: Floats, seen: Floats, turned: Floats) -> tuple[Floats,
     free = u @ vt
     noise = np.sqrt(((seen - turned @ free.T) ** 2).mean())
     _, weaker, weakest = np.sqrt(((turned @ vt.T) ** 2).sum(axis=0))
-    handed = bool(weakest > SURE * noise and weakest > OF_ITS_OWN * weaker)
+    handed = bool(weakest > CERTAIN_SIGMAS * noise and weakest > OF_ITS_OWN * weaker)
     if np.linalg.det(free) > 0.0 or handed:
         return free, handed, vt[2]
     return u @ np.diag([1.0, 1.0, -1.0]) @ vt, handed, vt[2]

@@ -171,7 +171,7 @@ def _aligned(
     found = fit_corners(observations, attitudes, start, data.tag_size_m)
     if found is None or found.pixel_sigma > MOST_PIXEL_SIGMA:
         return _not_shown(result, "delay and mount: the corners do not agree with the attitudes")
-    return _judged(data, found, result)
+    return _with_known_parts(data, found, result)
 
 
 def _looks_away(
@@ -195,7 +195,7 @@ def _refusal(alignment: CoarseAlignment) -> str:
     return ""
 
 
-def _judged(data: ShakeData, found: CornerFit, result: ShakeEstimate) -> ShakeEstimate:
+def _with_known_parts(data: ShakeData, found: CornerFit, result: ShakeEstimate) -> ShakeEstimate:
     """The result with delay and mount where their sigmas are small enough."""
     result = msgspec.structs.replace(result, frames=found.frames, pixel_sigma=found.pixel_sigma)
     delay_sigma_s = hypot(float(found.sigmas[0]), data.clock_sigma_s, data.stamp_sigma_s)

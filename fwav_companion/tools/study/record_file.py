@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import opened, whole
+from fwav_companion.on_disk import open_regular, whole
 from fwav_companion.tools.study.flight_record import CAUSE_NAMES, DRAWN, FLOWN, FlightRecord
 from fwav_companion.tools.study.study_plan import StudyPlan
 
@@ -81,7 +81,7 @@ def read_records(path: Path) -> tuple[list[FlightRecord], StudyPlan, Environment
     """The content of a file. InputFileError."""
     accepted = "accepted: study.parquet, as `study` writes it"
     try:
-        with opened(path) as file:
+        with open_regular(path) as file:
             table = pq.read_table(file)
         metadata = table.schema.metadata or {}
         plan = msgspec.json.decode(metadata[PLAN], type=StudyPlan)

@@ -86,7 +86,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         if not is_level(fix):
             return self.point, errors.at_own_ray(measurement, fix, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
-        height_m, priors = fix.drop_m, errors.priors
+        height_m, priors = fix.height_above_target_m, errors.priors
         point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=priors.height_noise_m)
         if priors.position_noise_m**2 > (OWN_RAY * point.height_m) ** 2:
             scale = point.height_m / height_m

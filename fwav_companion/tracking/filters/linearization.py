@@ -77,7 +77,7 @@ class LinearizationPoint(msgspec.Struct, frozen=True, gc=False):
 def first_point(fix: GroundFix, sigma_m: float) -> LinearizationPoint:
     """The point of a first fix: the fix itself. ``sigma_m``: noise of its height."""
     height_cov = (height_variance(sigma_m, TELEMETRY_STEP_S), 0.0, START_CLIMB_VARIANCE)
-    return LinearizationPoint(fix.drop_m, 0.0, height_cov, fix.position_ned[0], fix.position_ned[1])
+    return LinearizationPoint(fix.height_above_target_m, 0.0, height_cov, fix.position_ned[0], fix.position_ned[1])
 
 
 def height_variance(sigma_m: float, interval_s: float) -> float:

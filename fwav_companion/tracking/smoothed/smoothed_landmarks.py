@@ -73,7 +73,7 @@ class SmoothedLandmarks:
         place = (sight.north_m, sight.east_m)
         if reference.height is HeightReference.ALTITUDE:
             ground, _ = surface_of(reference).height(np.array(place)[:, None])
-            height_m = -sighting.camera_ned[2] - sight.fix.drop_m - float(ground[0])
+            height_m = -sighting.camera_ned[2] - sight.fix.height_above_target_m - float(ground[0])
         return TargetPrior(place, sigma_m, height_m, height_sigma_m)
 
     def altitude(self, estimator: Estimator, reference: GroundReference) -> LandmarkAltitude | None:

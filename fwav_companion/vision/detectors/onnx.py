@@ -55,7 +55,7 @@ class OnnxDetector:
         self._name = Path(task.model).name
         self._task = task
         self._pictures = 0
-        self._complained = self._judged = False
+        self._complained = self._implausible_reported = False
         self._detected, self._best_score = 0, 0.0
         self.problem = ""
         """What is implausible in the first outputs; "" where nothing is."""
@@ -145,14 +145,14 @@ class OnnxDetector:
                 return self._pass(pixels, tile)
             return _joined([])
         boxes = self._decoded(outputs)
-        if not self._judged and self._pictures <= FIRST_PICTURES:
+        if not self._implausible_reported and self._pictures <= FIRST_PICTURES:
             self._judge(boxes, outputs)
         boxes = self._best(boxes)
         if boxes.coefficients is not None:
             boxes = replace(boxes, outlines=_mask_outlines(boxes, outputs, self._facts.size))
-        return self._placed(boxes, letterbox, tile, pixels)
+        return self._boxes_in_picture(boxes, letterbox, tile, pixels)
 
-    def _placed(self, boxes: Boxes, letterbox: Letterbox, tile: Tile, pixels: Pixels) -> PassBoxes:
+    def _boxes_in_picture(self, boxes: Boxes, letterbox: Letterbox, tile: Tile, pixels: Pixels) -> PassBoxes:
         height, width = pixels.shape[:2]
         inner_width, inner_height = tile.right - tile.left, tile.bottom - tile.top
         edges = letterbox.picture_from_input(boxes.edges)
@@ -196,7 +196,7 @@ class OnnxDetector:
         problem = implausible(boxes, self._facts.size, self._task.model_confidence)
         if problem:
             layout = self._known_layout
-            self._judged = True
+            self._implausible_reported = True
             formats = sensible_formats(outputs, self._reading, layout, self._task.model_confidence)
             self.problem = advice(problem, formats, layout, self._preset.shown())
             _log.warning("%s: %s", self._name, self.problem)

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from fwav_companion.tools.click_flight.click_report import click_page
-from fwav_companion.tools.click_flight.click_score import ClickScore, is_whole, judged, sample
+from fwav_companion.tools.click_flight.click_score import ClickScore, is_whole, sample, with_troubles
 
 COV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -27,7 +27,7 @@ def samples(found=(True,) * 10, error_px=1.0, blur_px=0.5):
 
 def score(error_m=1.0, **how):
     made = ClickScore(samples=samples(**how), confirmed=True, error_m=error_m, claimed95_m=2.45)
-    return judged(made, COV, right_picture=True, strays=())
+    return with_troubles(made, COV, right_picture=True, strays=())
 
 
 def test_a_followed_click_is_right_and_its_figures_are_those_of_the_samples():
@@ -49,11 +49,11 @@ def test_blurred_frames_need_not_be_found():
         (lambda: score(error_px=26.0), "another thing was taken for the spot in frame 0"),
         (lambda: score(error_m=3.8), "its place is wrong by 3.80 m"),
         (
-            lambda: judged(ClickScore(samples=samples()), None, right_picture=True, strays=()),
+            lambda: with_troubles(ClickScore(samples=samples()), None, right_picture=True, strays=()),
             "never became",
         ),
-        (lambda: judged(score(), COV, right_picture=False, strays=()), "another picture"),
-        (lambda: judged(score(), COV, right_picture=True, strays=[17]), "in frame 17"),
+        (lambda: with_troubles(score(), COV, right_picture=False, strays=()), "another picture"),
+        (lambda: with_troubles(score(), COV, right_picture=True, strays=[17]), "in frame 17"),
     ],
 )
 def test_each_mistake_is_named(wrong, words):

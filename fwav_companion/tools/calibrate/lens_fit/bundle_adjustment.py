@@ -31,7 +31,7 @@ class NormalEquations(msgspec.Struct, frozen=True, eq=False):
 
     lens: Floats
     """Lens by lens, the share of each view, (V, P, P)."""
-    mixed: Floats
+    board_by_lens: Floats
     """Board pose by lens, (V, 6, P)."""
     board: Floats
     """Board pose by board pose, (V, 6, 6)."""
@@ -42,7 +42,7 @@ class NormalEquations(msgspec.Struct, frozen=True, eq=False):
 
     def lens_information(self) -> Floats:
         """The information of each view on the lens with its board pose free, (V, P, P): the Schur complement."""
-        information: Floats = self.lens - _t(self.mixed) @ np.linalg.solve(self.board, self.mixed)
+        information: Floats = self.lens - _t(self.board_by_lens) @ np.linalg.solve(self.board, self.board_by_lens)
         return information
 
 
@@ -98,7 +98,7 @@ def equations(
     of_board, of_lens = _t(by_board) * weight, _t(by_lens) * weight
     return NormalEquations(
         lens=corners.by_view(of_lens @ by_lens),
-        mixed=corners.by_view(of_board @ by_lens),
+        board_by_lens=corners.by_view(of_board @ by_lens),
         board=corners.by_view(of_board @ by_board),
         lens_gradient=corners.by_view(of_lens @ column)[..., 0],
         board_gradient=corners.by_view(of_board @ column)[..., 0],
@@ -161,10 +161,10 @@ def _damped_step(state: LensAndPoses, normal: NormalEquations, damping: float) -
     """The state after one damped step; None where the equations are singular."""
     try:
         board = _damped(normal.board, damping)
-        gain = np.linalg.solve(board, np.concatenate([normal.mixed, normal.board_gradient[..., None]], axis=-1))
+        gain = np.linalg.solve(board, np.concatenate([normal.board_by_lens, normal.board_gradient[..., None]], axis=-1))
         by_lens, alone = gain[..., :-1], gain[..., -1]
-        reduced = _damped(normal.lens.sum(axis=0), damping) - (_t(normal.mixed) @ by_lens).sum(axis=0)
-        gradient = (normal.lens_gradient - (_t(normal.mixed) @ alone[..., None])[..., 0]).sum(axis=0)
+        reduced = _damped(normal.lens.sum(axis=0), damping) - (_t(normal.board_by_lens) @ by_lens).sum(axis=0)
+        gradient = (normal.lens_gradient - (_t(normal.board_by_lens) @ alone[..., None])[..., 0]).sum(axis=0)
         lens_step = np.linalg.solve(reduced, gradient)
     except np.linalg.LinAlgError:
         return None

@@ -27,7 +27,7 @@ def initial_estimate(corners: BoardCorners, image_size: tuple[int, int]) -> Lens
     """The trial lens with the smallest median residual, with its board poses; ``image_size``: width, height."""
     trials = [_with_edge_angle(corners, image_size, angle) for angle in EDGE_ANGLES]
     trials.sort(key=lambda state: _median_residual(corners, state))
-    refined = [_refined(corners, state) for state in trials[:REFINED_TRIALS]]
+    refined = [_refine_state(corners, state) for state in trials[:REFINED_TRIALS]]
     return min(refined, key=lambda state: _median_residual(corners, state))
 
 
@@ -44,7 +44,7 @@ def _median_residual(corners: BoardCorners, state: LensAndPoses) -> float:
     return miss if np.isfinite(miss) else np.inf
 
 
-def _refined(corners: BoardCorners, state: LensAndPoses) -> LensAndPoses:
+def _refine_state(corners: BoardCorners, state: LensAndPoses) -> LensAndPoses:
     for coefficients in (1, 1, 2, 2):
         wider = with_coefficients(state, coefficients)
         state = adjusted(corners, wider, robust_weights(corners, wider), STEPS)

@@ -133,7 +133,7 @@ class ModelSession:
             raise DetectorError(f"{error.strerror or error}") from None
         _require_beside(path, content.locations)
         self.is_int8 = content.is_int8
-        self._session = _opened(path, threads, content.opset)
+        self._session = _open_session(path, threads, content.opset)
         try:
             inputs = self._session.get_inputs()
             self.inputs = tuple(ModelPort(each.name, each.type, tuple(each.shape)) for each in inputs)
@@ -169,7 +169,7 @@ def _require_beside(path: Path, locations: set[str]) -> None:
             raise DetectorError(f"its weights {location!r} are missing; copy that file next to the model too")
 
 
-def _opened(path: Path, threads: int, opset: int) -> Any:
+def _open_session(path: Path, threads: int, opset: int) -> Any:
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
