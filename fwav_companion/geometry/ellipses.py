@@ -10,6 +10,10 @@ ANGLES = 48
 """Directions in a quarter turn over which the probability is averaged: exact to 1e-6 for axes of 1 to 100."""
 HALVINGS = 60
 """Bisections of the radius: to rounding error."""
+NORMAL_95 = 1.96
+"""Half width of the 95 % interval of one normal variable, in sigmas."""
+ELLIPSE_95 = 2.4477
+"""Semi-axis of the 95 % ellipse of two normal variables in sigmas: the root of -2 ln 0.05."""
 RADII_95 = (1.9600, 1.9625, 1.9704, 1.9842, 2.0051, 2.0359, 2.0813, 2.1460, 2.2303, 2.3318, 2.4477)
 """Radius of the 95 % circle over the larger semi-axis, for ratios of the axes of 0, 0.1, ... 1 (:func:`circle_radius`).
 Linear interpolation between them is within 0.12 %."""

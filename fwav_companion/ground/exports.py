@@ -14,13 +14,12 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.ellipses import ELLIPSE_95
 from fwav_companion.ground.views import EllipseView, LatLon, TargetView, VehicleView
 from fwav_companion.publishing.cot import MACHINE, UNKNOWN, MapEvent, clock_text
 
 CORNERS = 48
 """Corners of an ellipse's polygon."""
-SIGMAS_95 = 2.4477
-"""Larger semi-axis of the 95 % ellipse over one sigma: the root of -2 ln 0.05."""
 COT_VEHICLE_STALE_S = 10.0
 COT_TARGET_STALE_S = 3600.0
 """Validity of a target after its last look: a found person must not vanish from the searchers' map."""
@@ -164,7 +163,7 @@ def _target_event(target: TargetView, utc_ns: int, unit: str, geoid: GeoidHeight
         lat_deg=target.lat,
         lon_deg=target.lon,
         hae_m=_hae_m(target.lat, target.lon, target.alt_amsl, geoid),
-        horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / SIGMAS_95,
+        horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / ELLIPSE_95,
         vertical_sigma_m=nan,
         callsign=f"{target.label or 'target'} {target.id}",
         remarks=f"last seen {clock_text(seen_utc_ns)} UTC; {radius}; {target.source}, {target.state}; ce is one sigma",

@@ -10,8 +10,8 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from fwav_companion.fleet.payloads import SharedTrack, StateMessage, TracksMessage, VehicleBias, decoded
+from fwav_companion.ground.views import MAX_VEHICLES
 
-MAX_VEHICLES = 200
 MAX_SENDERS = 1000
 """Most names whose refused messages are counted."""
 OFFSETS_KEPT = 120

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from fwav_companion.ground.evidence import SILENT_S, STATED_BY, SilenceTexts, newest, silent_parts
 from fwav_companion.ground.views import (
+    MAX_VEHICLES,
     PastPoint,
     PictureUpdate,
     SourceView,
@@ -25,7 +26,6 @@ from fwav_companion.ground.views import (
     within_range,
 )
 
-MAX_VEHICLES = 200
 MAX_TARGETS = 2000
 MAX_TEXTS = 200
 MAX_HISTORY = 600

@@ -11,6 +11,7 @@ from math import nan
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.target_messages import TargetMessages
 from fwav_companion.ground.vehicle_messages import VehicleMessages
+from fwav_companion.ground.views import MAX_VEHICLES
 from fwav_companion.links.base import Link
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import LinkUrl, SerialUrl, TcpUrl
@@ -36,7 +37,6 @@ MOST_REQUESTS = 6
 """Most rounds of requests to a vehicle: if it does not answer in a minute, it does not have the message."""
 FRESH_S = 5.0
 """Age of a message up to which it needs no request."""
-MAX_VEHICLES = 200
 
 
 class Asked:

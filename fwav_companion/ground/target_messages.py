@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from fwav_companion.geometry.ellipses import ELLIPSE_95
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.text_chunks import TextChunks
 from fwav_companion.ground.views import EllipseView, TargetView
@@ -21,8 +22,6 @@ from fwav_companion.publishing.enums import (
 )
 from fwav_companion.types import Message
 
-RADIUS_OF_SIGMA = 2.4477
-"""Largest ratio of the 95 % circle's radius to the larger semi-axis: the root of -2 ln 0.05, for a round ellipse."""
 VALUE_AGE_S = 2.0
 """Age of a named value beyond which it no longer belongs to the status message."""
 AUTOPILOT = 1
@@ -114,7 +113,7 @@ class TargetMessages:
         """Radius of the 95 % circle, and whether it is an upper bound."""
         if values.radius95_m is not None and now <= values.radius_unix + VALUE_AGE_S:
             return values.radius95_m, False
-        return (RADIUS_OF_SIGMA * sigma_m, True) if isfinite(sigma_m) and sigma_m > 0.0 else (None, False)
+        return (ELLIPSE_95 * sigma_m, True) if isfinite(sigma_m) and sigma_m > 0.0 else (None, False)
 
     def _on_value(self, message: Message, now: float) -> None:
         fields = message.fields

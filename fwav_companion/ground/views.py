@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import msgspec
 
+MAX_VEHICLES = 200
+"""Most vehicles of a picture, and of each input to it."""
 LatLon = tuple[float, float]
 """Latitude and longitude, degrees."""
 MOST_ALTITUDE_M = 1e5

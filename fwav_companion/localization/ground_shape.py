@@ -11,6 +11,7 @@ from math import exp, sqrt
 
 import msgspec
 
+from fwav_companion.geometry.ellipses import ELLIPSE_95
 from fwav_companion.geometry.vectors import Vector3, dot
 from fwav_companion.localization.ground_profile import turned_up
 
@@ -28,8 +29,6 @@ MOST_REACH = 0.3
 """Largest reach that is examined: two sigma of it still lead to the plane about the point."""
 EDGE_SIGMAS = 1.645
 """Places beyond this angle have less than 5 % of the probability: a claim of 90 % need not hold them."""
-CLAIM_95 = 2.4477
-"""Semi-axis of a 95 % ellipse in sigmas."""
 MOST_WIDENED = 1.5
 """Largest factor by which a claim is widened so that its 95 % ellipse holds every place within EDGE_SIGMAS."""
 LEAST_EDGE_M = 2.0
@@ -76,10 +75,10 @@ def level_scatter_m(
             farthest = max(farthest, abs(distance_m - ray.distance_m))
     variance = variance / sum(TURN_WEIGHTS[: len(distances)]) + side_m2
     claimed_m = sqrt(linear_m * linear_m + variance)
-    if farthest > max(CLAIM_95 * claimed_m, LEAST_EDGE_M):
-        if farthest > CLAIM_95 * MOST_WIDENED * claimed_m:
+    if farthest > max(ELLIPSE_95 * claimed_m, LEAST_EDGE_M):
+        if farthest > ELLIPSE_95 * MOST_WIDENED * claimed_m:
             return None
-        variance = (farthest / CLAIM_95) ** 2 - linear_m * linear_m
+        variance = (farthest / ELLIPSE_95) ** 2 - linear_m * linear_m
     if sqrt(variance) > MOST_SCATTER * ray.distance_m:
         return None
     return sqrt(variance) * ray.descent / max(ray.normal[2], LEAST_UPRIGHT)

@@ -37,6 +37,7 @@ from fwav_companion.types import (
     Situation,
     Track,
 )
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
 from fwav_companion.types.track_marks import TrackMarks
@@ -44,7 +45,6 @@ from fwav_companion.types.tracks import FinalPlace
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
-ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
 LONGEST_SILENCE_NS = 3600 * NS_PER_S
 """Longest time without an event through which clock lines are written. A longer one is a gap of a recording; it gets
 no lines."""
@@ -81,7 +81,7 @@ class Pipeline:
         self.advance(now)
         components = self._components
         autopilot = components.identity.autopilot
-        if message.name in ATTITUDES and autopilot is not None:
+        if message.name in ATTITUDE_MESSAGES and autopilot is not None:
             self._on_attitude(message, autopilot, now)
             return
         self._handlers.of_identity(components.identity.on_message(message, now), now)

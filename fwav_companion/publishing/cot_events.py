@@ -9,7 +9,7 @@ from typing import TypeAlias
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.geometry.ellipses import NORMAL_95, circle_radius
 from fwav_companion.geometry.stamps import HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3, norm, subtract
 from fwav_companion.publishing.cot import (
@@ -28,8 +28,6 @@ from fwav_companion.types.messages import NoticeCode
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
-SIGMAS_95 = 1.96
-"""Half width of the 95 % interval of one normal variable, in sigmas."""
 UAV, FIXED_WING, ROTARY_WING, GROUND_VEHICLE, BOAT = "a-f-A-M", "a-f-A-M-F-Q", "a-f-A-M-H-Q", "a-f-G-E-V", "a-f-S"
 KIND_BY_TYPE = (
     dict.fromkeys((1, 16, 19, 20, 21, 22, 23, 24, 25), FIXED_WING)
@@ -189,4 +187,4 @@ def _accuracy(track: Track, vertical_sigma_m: float) -> str:
     radius_m = circle_radius(track.cov, 0.95) if isfinite(track.cov[0][0] + track.cov[0][1] + track.cov[1][1]) else None
     if radius_m is None or not isfinite(vertical_sigma_m):
         return "accuracy unknown"
-    return f"within {radius_m:.1f} m, height within {SIGMAS_95 * vertical_sigma_m:.1f} m (95 % each)"
+    return f"within {radius_m:.1f} m, height within {NORMAL_95 * vertical_sigma_m:.1f} m (95 % each)"

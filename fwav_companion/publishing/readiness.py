@@ -7,6 +7,7 @@ from math import isfinite
 
 import msgspec
 
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.types.messages import Notice, NoticeCode, Severity
 from fwav_companion.types.reasons import Reason
@@ -17,8 +18,6 @@ RECOVERED = 0.85
 """Share of the wanted attitude rate above which a rate that was reported as slow counts as recovered."""
 NO_PICTURES_S = 3.0
 """Age of the newest picture beyond which pictures count as missing."""
-NORMAL_95 = 1.96
-"""Half width of the 95 % interval of a normal distribution, in sigmas."""
 
 CHECK_NS = NS_PER_S
 EARLIEST_NS = 3 * NS_PER_S

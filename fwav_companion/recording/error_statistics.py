@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import msgspec
 
+from fwav_companion.geometry.ellipses import NORMAL_95
+
 CHI2_95: Final = -2.0 * log(0.05)
 CHI2_999: Final = -2.0 * log(0.001)
 """Quantiles of chi-square with 2 degrees of freedom."""
-Z_95: Final = 1.96
 LEAST_CORRELATION: Final = 0.05
 """Autocorrelation at which the sum of autocorrelations ends."""
 MOST_COMPARED: Final = 2000
@@ -55,9 +56,9 @@ def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
 
 def wilson(share: float, n: float) -> tuple[float, float]:
     """The 95 % interval of a share that was observed in ``n`` independent samples."""
-    z2 = Z_95 * Z_95
+    z2 = NORMAL_95 * NORMAL_95
     middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n)
-    half = Z_95 * sqrt(share * (1.0 - share) / n + 0.25 * z2 / (n * n)) / (1.0 + z2 / n)
+    half = NORMAL_95 * sqrt(share * (1.0 - share) / n + 0.25 * z2 / (n * n)) / (1.0 + z2 / n)
     return max(0.0, middle - half), min(1.0, middle + half)
 
 

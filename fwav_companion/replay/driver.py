@@ -20,11 +20,11 @@ from fwav_companion.recording.lines import Line, final_places
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
-from fwav_companion.replay.telemetry import ATTITUDES
 from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, SmootherOptions
 from fwav_companion.types import Frame, Message, NoFrame, StampClock, TrackState
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
 MARGIN_NS = 60 * NS_PER_S
 REBOOT_MS = 1000
@@ -214,7 +214,7 @@ def _reboots(recording: Recording) -> list[HostNs]:
     reboots: list[HostNs] = []
     latest_ms: dict[int, int] = {}
     for unix_us, message in recording.messages:
-        if message.name in ATTITUDES:
+        if message.name in ATTITUDE_MESSAGES:
             boot_ms: int = message.fields.time_boot_ms
             latest = latest_ms.get(message.system, 0)
             back = boot_ms < latest - REBOOT_MS

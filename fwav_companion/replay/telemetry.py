@@ -23,11 +23,11 @@ from fwav_companion.recording.time_checks import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, read_tlog
 from fwav_companion.telemetry.clock.exchange_clock import FASTEST_RATE, SLOWEST_RATE
 from fwav_companion.types import Message
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 """Sender ids for the messages of a log, which has no MAVLink ids."""
 
-ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION")
 PACE_US = 5_000_000
 """Length of a stretch whose least delayed attitude is used to measure the clock's rate, microseconds: a radio delays
 messages by tenths of a second."""
@@ -94,7 +94,7 @@ def _clock_rate(messages: Sequence[Timed]) -> float:
 
 def _least_delayed(messages: Sequence[Timed]) -> list[tuple[int, int]]:
     """Arrival (Unix microseconds) and stamp (milliseconds) of the least delayed attitude in each PACE_US."""
-    attitudes = [(unix_us, message) for unix_us, message in messages if message.name in ATTITUDES]
+    attitudes = [(unix_us, message) for unix_us, message in messages if message.name in ATTITUDE_MESSAGES]
     vehicle = attitudes[0][1].system if attitudes else 0
     points: list[tuple[int, int]] = []
     stretch = None

@@ -35,8 +35,8 @@ from fwav_companion.types import (
     VehicleState,
 )
 from fwav_companion.types.flight_status import TelemetryReport
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
-ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
 NEWEST_EVERY_NS = NS_PER_S // 10
 """Interval between used attitudes where no attitude is interpolated: each costs as much as routing a frame."""
 
@@ -287,7 +287,7 @@ class Telemetry:
 
     def _is_spare(self, name: str, arrival_ns: HostNs) -> bool:
         """Whether an attitude is skipped, because only the present one is needed and the last one is recent."""
-        if name not in ATTITUDES:
+        if name not in ATTITUDE_MESSAGES:
             return False
         if arrival_ns < self._attitude_due_ns.get(name, 0):
             return True

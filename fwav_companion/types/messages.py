@@ -8,6 +8,9 @@ from typing import Any
 
 import msgspec
 
+ATTITUDE_MESSAGES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
+"""Names of the messages with the vehicle's attitude."""
+
 
 class Message(msgspec.Struct, frozen=True, gc=False):
     """A decoded MAVLink message, received or recorded."""

@@ -14,10 +14,10 @@ from fwav_companion.ground.fusion.fused_targets import FusedTarget, TargetBooks
 from fwav_companion.ground.fusion.place_index import PlaceIndex
 from fwav_companion.ground.fusion.rebuilding import improved
 from fwav_companion.ground.fusion.reported_tracks import Array, ReportedTrack, ReportingVehicle
+from fwav_companion.ground.views import MAX_VEHICLES
 
 FRESH_S = 5.0
 """Age of a vehicle's report beyond which its tracks no longer count: at 2 Hz ten reports are missing."""
-MAX_VEHICLES = 200
 MAX_TRACKS = 256
 """Most tracks of one vehicle."""
 LOOK_S = 2.0

@@ -15,6 +15,7 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.network_status import StreamReport
 
 FIRST_PAUSE_NS = 4 * NS_PER_S
@@ -31,7 +32,6 @@ RISEN = 1.15
 SHOWN = 0.5
 """Share of the requested rate from which arrivals show that an unacknowledged request had an effect."""
 ATTITUDE, QUATERNION = "ATTITUDE", "ATTITUDE_QUATERNION"
-ATTITUDES = frozenset({ATTITUDE, QUATERNION})
 
 
 class RequestState(StrEnum):
@@ -120,7 +120,7 @@ class RateRow(msgspec.Struct, eq=False):
         """Whether the rate that was there must not be lowered. A stated rate of attitudes may be: plain ATTITUDE is
         requested slowly on purpose while the quaternion arrives.
         """
-        return self.name not in ATTITUDES or not self.is_stated
+        return self.name not in ATTITUDE_MESSAGES or not self.is_stated
 
     @property
     def is_ours(self) -> bool:
@@ -130,7 +130,7 @@ class RateRow(msgspec.Struct, eq=False):
         """
         if self.before_hz is None or self.state in SILENT or self.state is RequestState.REFUSED:
             return False
-        return self.is_asked or (self.is_stated and self.name in ATTITUDES)
+        return self.is_asked or (self.is_stated and self.name in ATTITUDE_MESSAGES)
 
     def settle_before(self, demanded_hz: float, now: HostNs) -> None:
         """Determine the rate before our first request from the statement and from the arrivals, and whether it is

@@ -17,7 +17,6 @@ from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, Statio
 from fwav_companion.mavlink.client.rate_search import ArrivalsBefore, RateCompetitors
 from fwav_companion.mavlink.client.rate_table import (
     ATTITUDE,
-    ATTITUDES,
     QUATERNION,
     SILENT,
     RateRow,
@@ -26,7 +25,7 @@ from fwav_companion.mavlink.client.rate_table import (
 )
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
-from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
+from fwav_companion.types.messages import ATTITUDE_MESSAGES, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
 from fwav_companion.types.situation import Autopilot
 
@@ -106,7 +105,7 @@ class Rates:
         if self._loop is None or self._loop.is_unanswered:
             return False
         rows = self._loop.rows
-        return any(rows[name].state is RequestState.ASKING for name in ATTITUDES & rows.keys())
+        return any(rows[name].state is RequestState.ASKING for name in ATTITUDE_MESSAGES & rows.keys())
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -7,6 +7,7 @@ import io
 from pathlib import PurePath
 from typing import Any
 
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.exports.base import Export, ellipse95, utc_text
 from fwav_companion.recording.labels import display_name
 from fwav_companion.recording.lines import Line
@@ -32,8 +33,6 @@ COLUMNS = (
 )
 """Names of the columns. ``ellipse95``: semi-axes and bearing of the 95 % ellipse; ``down95_m``: half the vertical 95 %
 interval."""
-SIGMAS_95 = 1.96
-"""Half width of the 95 % interval of one normal variable, in sigmas."""
 
 
 class CsvExport(Export):
@@ -65,7 +64,7 @@ def _row(line: Line) -> list[Any]:
         ellipse.major_m,
         ellipse.minor_m,
         ellipse.bearing_deg,
-        SIGMAS_95 * max(0.0, line["cov"][2][2]) ** 0.5,
+        NORMAL_95 * max(0.0, line["cov"][2][2]) ** 0.5,
         *(line["vel"] or (None, None, None)),
         *((fix["north"], fix["east"], fix["down"]) if fix else (None, None, None)),
     ]

@@ -15,11 +15,10 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 from rich.text import Text
 
+from fwav_companion.geometry.ellipses import ELLIPSE_95, NORMAL_95
 from fwav_companion.tools.demo.flight import DemoResult, FlightProgress
 from fwav_companion.tools.demo.scoreboard import TargetScore
 
-SIGMAS_95, RADII_95 = 1.96, 2.4477
-"""95 % in sigmas: half width of one variable's interval; radius of the circle for two equal variables, sqrt(5.991)."""
 STATE_STYLES = {"tentative": "yellow", "confirmed": "green", "coasting": "cyan", "dropped": "dim"}
 TEXTS_SHOWN = 3
 SHOWN_AFTER_S = 0.3
@@ -165,7 +164,7 @@ def _links(status: Mapping[str, Any]) -> str:
 def _clock(clock: Mapping[str, Any] | None) -> str:
     if clock is None:
         return "offset to the autopilot's clock not known yet"
-    error95_ms = 1e3 * min(SIGMAS_95 * clock["sigma_s"], clock["bound_s"])
+    error95_ms = 1e3 * min(NORMAL_95 * clock["sigma_s"], clock["bound_s"])
     return f"{clock['status']}: offset to the autopilot's clock known to {error95_ms:.2f} ms (95 %)"
 
 
@@ -185,7 +184,7 @@ def _to_ground(progress: FlightProgress) -> str:
     if place is None:
         return rates or "nothing yet"
     # h_acc is one sigma along the larger semi-axis: a circle of 2.45 times that holds 95 % or more.
-    radius_m = RADII_95 * place["h_acc"]
+    radius_m = ELLIPSE_95 * place["h_acc"]
     return (
         f"{rates or 'nothing yet'}; selected at {place['lat']:.7f}, {place['lon']:.7f}, within {radius_m:.2f} m (95 %)"
     )

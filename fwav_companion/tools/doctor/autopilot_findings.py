@@ -10,7 +10,6 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.position_findings import position_findings
 from fwav_companion.tools.doctor.rate_findings import (
-    ATTITUDES,
     ATTITUDES_A_SWING,
     rate_setting,
     rates_not_taken,
@@ -18,6 +17,7 @@ from fwav_companion.tools.doctor.rate_findings import (
 )
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.flight_status import ClockReport
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.network_status import REQUESTS, PeerStatistics, StreamReport
 from fwav_companion.types.status import RunStatus
 
@@ -123,7 +123,7 @@ def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
     telemetry, source = status.telemetry, _attitude_source(status)
-    if not any(telemetry.rates_hz.get(name) for name in ATTITUDES):
+    if not any(telemetry.rates_hz.get(name) for name in ATTITUDE_MESSAGES):
         if status.adopted_s >= MEASURED_S:
             yield Finding(
                 "no_attitude",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.situation import AutopilotKind
 from fwav_companion.types.status import RunStatus
 
@@ -12,7 +13,6 @@ ATTITUDES_A_SWING: Final = 10.0
 """Attitudes needed a wing beat or swing: the wanted rate is at least ten times its frequency."""
 SMALL_FIRMWARES_HZ: Final = 50.0
 """Highest telemetry rate of INAV and Betaflight (TELEMETRY_MAVLINK_MAXRATE in src/main/telemetry/mavlink.c)."""
-ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 NOT_TAKEN: Final = frozenset({"unanswered", "unsupported", "denied"})
 
 
@@ -24,7 +24,7 @@ def takes_no_requests(status: RunStatus) -> bool:
     rows = status.rates.values()
     granted = any(row.state == "granted" and row.asked_hz is not None for row in rows)
     other = status.autopilot is not None and status.autopilot.kind == AutopilotKind.OTHER.value
-    asking = other and any(status.rates[name].state == "asking" for name in ATTITUDES if name in status.rates)
+    asking = other and any(status.rates[name].state == "asking" for name in ATTITUDE_MESSAGES if name in status.rates)
     return not granted and not asking and any(row.state in NOT_TAKEN for row in rows)
 
 

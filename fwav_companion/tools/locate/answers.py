@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
-from fwav_companion.geometry.ellipses import circle_radius, ellipse_outline, semi_axes
+from fwav_companion.geometry.ellipses import NORMAL_95, circle_radius, ellipse_outline, semi_axes
 from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
@@ -20,7 +20,6 @@ from fwav_companion.tools.locate.world import PictureWorld
 SHARE: Final = 0.95
 SCALE_95: Final = sqrt(-2.0 * log(1.0 - SHARE))
 """Semi-axes of the 95 % ellipse in sigmas: chi-square quantile with 2 degrees of freedom."""
-NORMAL_95: Final = 1.959964
 CAUSES: Final = {
     "pixel": "the click",
     "own_position": "each picture's position and height",

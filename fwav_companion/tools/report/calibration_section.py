@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.tools.report.drawing import (
     SMALL_CHART,
     LinearAxes,
@@ -18,7 +19,6 @@ from fwav_companion.tools.report.drawing import (
 )
 from fwav_companion.tools.report.flight_data import CalibrationSample, FlightData, PlantedErrors
 from fwav_companion.tools.report.page_elements import figure, key, row, section, table
-from fwav_companion.tools.report.wording import SIGMAS_95
 from fwav_companion.types.flight_status import ParameterReport
 
 MOST_POINTS = 300
@@ -89,8 +89,8 @@ def parameter_table(parameters: Sequence[ParameterReport]) -> str:
             (
                 each.name,
                 f"{each.estimate:+.3g}",
-                f"{SIGMAS_95 * each.sigma:.2g}",
-                f"{SIGMAS_95 * each.prior_sigma:.2g}",
+                f"{NORMAL_95 * each.sigma:.2g}",
+                f"{NORMAL_95 * each.prior_sigma:.2g}",
                 STATES.get(each.status, each.status) + (f": {each.reason}" if each.reason else ""),
             ),
             "off" if each.status == "contradicts" else "",
@@ -103,11 +103,11 @@ def parameter_table(parameters: Sequence[ParameterReport]) -> str:
 
 def quantities(samples: Sequence[CalibrationSample], planted: PlantedErrors | None) -> list[CalibratedQuantity]:
     """Camera delay, and mount about each body axis."""
-    delay = [(each.at_s, 1e3 * each.time_offset_s, 1e3 * SIGMAS_95 * each.time_offset_sigma_s) for each in samples]
+    delay = [(each.at_s, 1e3 * each.time_offset_s, 1e3 * NORMAL_95 * each.time_offset_sigma_s) for each in samples]
     true_ms = None if planted is None else 1e3 * planted.time_offset_s
     found = [CalibratedQuantity("Camera delay", " ms", delay, true_ms)]
     for axis, name in enumerate(AXES):
-        angle = [(each.at_s, each.mount_deg[axis], SIGMAS_95 * each.mount_sigma_deg[axis]) for each in samples]
+        angle = [(each.at_s, each.mount_deg[axis], NORMAL_95 * each.mount_sigma_deg[axis]) for each in samples]
         true_deg = None if planted is None else planted.mount_deg[axis]
         found.append(CalibratedQuantity(f"Mount about {name}", "°", angle, true_deg))
     return found

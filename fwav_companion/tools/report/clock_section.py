@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from math import hypot
 from statistics import median
 
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.lines import Line
 from fwav_companion.tools.report.drawing import LinearAxes, drawing, polygon, polyline, thinned
 from fwav_companion.tools.report.flight_data import ClockSample, FlightData
 from fwav_companion.tools.report.page_elements import figure, key, section
-from fwav_companion.tools.report.wording import SIGMAS_95
 from fwav_companion.types import ClockStatus
 
 MOST_POINTS = 600
@@ -80,7 +80,7 @@ def clock_offset_section(lines: Sequence[Line], start: float) -> str:
     offset_s = lines[0].get("unix_offset_s", 0.0)
     times = [line["time_monotonic"] + offset_s - start for line in clock]
     moved_ms = [1e3 * (line["host_from_autopilot_s"] - clock[-1]["host_from_autopilot_s"]) for line in clock]
-    errors_ms = [1e3 * SIGMAS_95 * line["sigma_s"] for line in clock]
+    errors_ms = [1e3 * NORMAL_95 * line["sigma_s"] for line in clock]
     figures = figure(
         OFFSET,
         _offset_chart(times, list(zip(moved_ms, errors_ms, strict=True))),
@@ -126,7 +126,7 @@ def clock_drift(clock: Sequence[Line]) -> tuple[float, float]:
     slope = sum(w * (t - mean_time) * (y - mean_offset) for w, t, y in zip(weights, times, offsets, strict=True))
     sigmas = [hypot(line["sigma_s"], clock[-1]["sigma_s"]) for line in clock[:-1]]
     width = min(sigma / (times[-1] - t) for sigma, t in zip(sigmas, times, strict=False))
-    return slope / spread, SIGMAS_95 * width
+    return slope / spread, NORMAL_95 * width
 
 
 def _drift_words(clock: Sequence[Line]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.labels import landmark_result, notice_texts, shift_text
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
@@ -29,7 +30,6 @@ from fwav_companion.tools.report.true_vehicle_path import (
     mean_position_error,
     position_errors,
 )
-from fwav_companion.tools.report.wording import SIGMAS_95
 from fwav_companion.types.flight_status import ParameterReport
 
 
@@ -265,7 +265,7 @@ def _clock(lines: Sequence[Line], start_from_monotonic_s: float) -> list[ClockSa
     return [
         ClockSample(
             at_s=line["time_monotonic"] + start_from_monotonic_s,
-            error95_s=min(SIGMAS_95 * line["sigma_s"], line["bound_s"]),
+            error95_s=min(NORMAL_95 * line["sigma_s"], line["bound_s"]),
             bound_s=line["bound_s"],
         )
         for line in lines

@@ -6,13 +6,14 @@ from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
 
+from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.labels import display_name
 from fwav_companion.tools.report.drawing import cross, drawing, number, text
 from fwav_companion.tools.report.flight_data import CameraPicture, FlightData
 from fwav_companion.tools.report.map_drawing import flight_map
 from fwav_companion.tools.report.page_elements import KeyEntry, figure, key, row, table
 from fwav_companion.tools.report.target_series import TargetSeries
-from fwav_companion.tools.report.wording import SIGMAS_95, table_length
+from fwav_companion.tools.report.wording import table_length
 
 FROM_ORIGIN = "View from above, north up, metres from the origin."
 FROM_VEHICLE = (
@@ -66,7 +67,7 @@ def _landmark_table(flight: FlightData) -> str:
         row(
             [
                 display_name(each.label), f"{each.north:.2f}", f"{each.east:.2f}",
-                table_length(SIGMAS_95 * each.sigma_m), f"{each.used}", f"{each.refused}", each.result,
+                table_length(NORMAL_95 * each.sigma_m), f"{each.used}", f"{each.refused}", each.result,
             ],
             "off" if each.left_out else "",
         )
@@ -116,7 +117,7 @@ def _picture_figure(shown: CameraPicture) -> str:
     )
     items = "".join(
         f"<li><b>{escape(display_name(str(each.get('label', ''))))}</b> at ({each['u']:.1f}, {each['v']:.1f}) px, "
-        f"± {SIGMAS_95 * _sigma(each.get('sigma')):.1f} px (95 %)</li>"
+        f"± {NORMAL_95 * _sigma(each.get('sigma')):.1f} px (95 %)</li>"
         for each in shown.detections
     )
     return figure("Picture of the camera", _picture(shown), caption, below=f'<ul class="seen">{items}</ul>')

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-SIGMAS_95 = 1.96
-"""Half width of the 95 % interval of one normal variable, in sigmas. Every figure of a report is a 95 % figure."""
 CAUSE_NAMES = {
     "position": "the vehicle's own position (GNSS)",
     "heading": "its heading (compass)",
