@@ -212,10 +212,11 @@ def _limit_sentence(answer: StudyAnswer) -> str:
         return "No lasting error limits it: what is left is noise, which more pictures average out."
     if not answer.confirmed:
         return ""
-    first = answer.confirmed[0]
+    worth = next(filter(is_worth_changing, answer.confirmed), None)
+    first = worth or answer.confirmed[0]
     if first.change_m is None or first.without_m is None or first.with_m is None:
         return ""
-    if is_worth_changing(first):
+    if worth is not None:
         return (
             f"What limits it is {cause_name(first.name)}: flown again without its error, half of the flights end "
             f"within {length(first.without_m)} instead of {length(first.with_m)}."
@@ -242,8 +243,9 @@ def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
         yield "the same flights again without one of these errors, in truth and prior:"
     for cause in answer.confirmed:
         yield f"  {cause_name(cause.name)}: {change_words(cause)}"
-    if answer.confirmed and is_worth_changing(answer.confirmed[0]):
-        yield f"change first: {error_cause(answer.confirmed[0].name).remedy}"
+    worth = next(filter(is_worth_changing, answer.confirmed), None)
+    if worth is not None:
+        yield f"change first: {error_cause(worth.name).remedy}"
 
 
 def _curve_lines(answer: StudyAnswer) -> Iterator[str]:

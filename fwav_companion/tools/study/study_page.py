@@ -18,6 +18,7 @@ from fwav_companion.tools.study.answer_text import (
     copter_hint,
     flights_words,
     interval,
+    is_worth_changing,
     no_answer_words,
     rows,
     sentence,
@@ -131,8 +132,9 @@ def _reruns(answer: StudyAnswer) -> str:
         "the prior."
     )
     causes = "".join(
-        f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(_sentence(change_words(each)))}<br>"
-        f"To get there: {escape(error_cause(each.name).remedy)}.</p>"
+        f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(_sentence(change_words(each)))}"
+        + (f"<br>To get there: {escape(error_cause(each.name).remedy)}." if is_worth_changing(each) else "")
+        + "</p>"
         for each in answer.confirmed
     )
     return f"<p>{words}</p>{causes}"
