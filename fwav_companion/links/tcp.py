@@ -9,6 +9,7 @@ from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, LinkReceiver, Opener
 from fwav_companion.links.fair_frame_queue import Origin
+from fwav_companion.links.places import MAX_PLACES, YIELDS_AFTER_S, Places
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -19,10 +20,6 @@ UNANSWERED_MS = 10_000
 """Time without an acknowledgement that ends a connection: a peer that lost power does not close it."""
 QUEUE_BYTES = 65536
 """Capacity of a queue: about three seconds of the busiest telemetry; older telemetry is useless."""
-MAX_CLIENTS = 9
-"""Most clients: each costs a copy of all sent bytes. The last place is kept for a source address that has none."""
-IDLE_S = 10.0
-"""Time without a valid frame after which a client may be replaced: stations send heartbeats at 1 Hz."""
 
 
 def tcp_opener(url: TcpUrl) -> Opener:
@@ -80,7 +77,7 @@ class TcpServerOpener:
             sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
-            sock.listen(MAX_CLIENTS)
+            sock.listen(MAX_PLACES)
         except OSError:
             sock.close()
             raise
@@ -141,8 +138,7 @@ class TcpServer:
         self._receiver = receiver
         self._clients: dict[str, TcpStream] = {}
         """Streams by address."""
-        self._valid_at: dict[str, float] = {}
-        """Time of each client's last valid frame; before the first one, the time of its connection."""
+        self._places = Places[str](self._displace, silent_s=YIELDS_AFTER_S)
         self._refused = 0
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
@@ -185,8 +181,7 @@ class TcpServer:
 
     def _welcome(self, sock: socket.socket, host: str, port: int) -> None:
         name = host_and_port(host, port)
-        has_one = any(host_and_port(host, int(other.rpartition(":")[2])) == other for other in self._clients)
-        if len(self._clients) >= (MAX_CLIENTS - 1 if has_one else MAX_CLIENTS) and not self._make_room():
+        if not self._places.take(name, host, self._loop.time()):
             sock.close()
             self._refused += 1
             self._receiver.refused(name)
@@ -199,27 +194,22 @@ class TcpServer:
             whole = cutter.cut(data)
             self._receiver.traffic.source = host
             valid = bool(whole) and self._receiver.on_bytes(whole)
-            if valid:
-                self._valid_at[name] = self._loop.time()
+            if valid and name in self._places.of:
+                self._places.of[name].heard_s = self._loop.time()
             return valid
 
         def on_lost(_why: str) -> None:
             self._dismiss(name)
 
-        self._valid_at[name] = self._loop.time()
         self._clients[name] = TcpStream(sock, LinkReceiver(on_bytes, on_lost, self._receiver.traffic))
 
-    def _make_room(self) -> bool:
-        """Close the client that has sent no valid frame for longest, and for IDLE_S. Returns False if there is none."""
-        name = min(self._clients, key=self._valid_at.__getitem__)
-        if self._loop.time() - self._valid_at[name] < IDLE_S:
-            return False
+    def _displace(self, name: str) -> None:
+        """Close a client that has lost its place, and report it."""
         self._receiver.refused(name)
         self._dismiss(name)
-        return True
 
     def _dismiss(self, name: str) -> None:
-        self._valid_at.pop(name, None)
+        self._places.of.pop(name, None)
         client = self._clients.pop(name, None)
         if client is not None:
             client.close()

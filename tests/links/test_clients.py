@@ -2,14 +2,8 @@
 
 from mavlink_wire import Wire
 
-from fwav_companion.links.udp_clients import (
-    CLIENT_SILENT_S,
-    MAX_CLIENTS,
-    MAX_CLIENTS_OF_HOST,
-    MAX_STRANGERS,
-    YIELDS_AFTER_S,
-    Clients,
-)
+from fwav_companion.links.places import MAX_PLACES, MAX_PLACES_OF_HOST, YIELDS_AFTER_S
+from fwav_companion.links.udp_clients import CLIENT_SILENT_S, MAX_STRANGERS, Clients
 
 STATION = ("10.0.0.1", 14550)
 
@@ -29,8 +23,8 @@ def test_flood_of_ports_takes_no_place_of_another_address():
         clients.whole_frames(("10.0.0.66", port), bytes(4))
         clients.on_valid(("10.0.0.66", port), 1.0 + 0.01 * port)
     assert STATION in clients
-    assert sum(host == "10.0.0.66" for host, _ in clients) == MAX_CLIENTS_OF_HOST
-    assert clients.refused == 500 - MAX_CLIENTS_OF_HOST
+    assert sum(host == "10.0.0.66" for host, _ in clients) == MAX_PLACES_OF_HOST
+    assert clients.refused == 500 - MAX_PLACES_OF_HOST
 
 
 def test_nine_ports_of_one_address_leave_the_client_that_is_heard_in_its_place():
@@ -46,26 +40,26 @@ def test_nine_ports_of_one_address_leave_the_client_that_is_heard_in_its_place()
 
 def test_silent_client_yields_to_a_newcomer_of_its_own_address_after_ten_seconds():
     clients = Clients()
-    for port in range(MAX_CLIENTS_OF_HOST):
+    for port in range(MAX_PLACES_OF_HOST):
         clients.on_valid(("10.0.0.66", port), float(port == 3))
     late = ("10.0.0.66", 99)
     assert not clients.on_valid(late, YIELDS_AFTER_S - 0.1)
     assert clients.on_valid(late, YIELDS_AFTER_S + 0.1)
     assert ("10.0.0.66", 3) in clients
-    assert len(list(clients)) == MAX_CLIENTS_OF_HOST
+    assert len(list(clients)) == MAX_PLACES_OF_HOST
 
 
 def test_last_place_is_kept_for_an_address_that_has_none():
     clients = Clients()
-    for port in range(MAX_CLIENTS):
+    for port in range(MAX_PLACES):
         clients.on_valid((f"10.0.0.{port % 2}", port), 0.0)
-    assert len(list(clients)) == MAX_CLIENTS - 1
+    assert len(list(clients)) == MAX_PLACES - 1
     assert clients.on_valid(("10.0.0.9", 14550), 0.0)
 
 
 def test_when_all_places_are_taken_a_stranger_is_refused_until_silence_frees_one():
     clients = Clients()
-    for number in range(MAX_CLIENTS):
+    for number in range(MAX_PLACES):
         assert clients.on_valid((f"10.0.1.{number}", 1), float(number))
     assert not clients.on_valid(STATION, 20.0)
     assert clients.refused == 1

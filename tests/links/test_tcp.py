@@ -9,9 +9,9 @@ import pytest
 from link_listening import Listener, run, started, until
 from processes import free_port
 
-from fwav_companion.links import tcp
+from fwav_companion.links import places, tcp
+from fwav_companion.links.places import MAX_PLACES_OF_HOST as PLACES
 from fwav_companion.links.reconnect import make_link
-from fwav_companion.links.tcp import MAX_CLIENTS
 from fwav_companion.links.url import parse_link_url
 
 
@@ -144,10 +144,6 @@ def test_a_server_with_two_clients(host: str):
     run(story())
 
 
-PLACES = MAX_CLIENTS - 1
-"""Places of one source address: the last one is kept for another."""
-
-
 def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
     frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
 
@@ -188,7 +184,7 @@ def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(mon
             assert await received(connect(), 1) == b"", "every client may still send its first frame"
             assert link.status().refused == 1
             assert len(refused) == 1
-            monkeypatch.setattr(tcp, "IDLE_S", 0.0)
+            monkeypatch.setattr(places, "YIELDS_AFTER_S", 0.0)
             silent[0].sendall(frame)
             await listener.until(lambda: listener.data == frame)
             genuine = connect()
@@ -201,17 +197,24 @@ def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(mon
     run(story())
 
 
-def test_eight_strangers_with_heartbeats_leave_a_place_for_another_address():
+@pytest.mark.parametrize("strangers", [["127.0.0.1"], ["127.0.0.1", "127.0.0.3"]])
+def test_strangers_of_two_addresses_leave_a_place_for_another_address(strangers: list[str]):
     async def story() -> None:
         listener, port = Listener(), free_port()
         with started(f"tcpin://127.0.0.1:{port}", listener) as link, contextlib.ExitStack() as stack:
             await listener.until_up()
-            for _ in range(PLACES + 1):
-                stack.enter_context(socket.create_connection(("127.0.0.1", port), 20))
-            await until(lambda: link.status().refused == 1)
-            source = ("127.0.0.2", 0)
-            station = stack.enter_context(socket.create_connection(("127.0.0.1", port), 20, source_address=source))
-            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
+
+            def connect(host: str) -> socket.socket:
+                return stack.enter_context(socket.create_connection(("127.0.0.1", port), 20, source_address=(host, 0)))
+
+            for host in strangers:
+                for _ in range(PLACES + 1):
+                    connect(host)
+                    await asyncio.sleep(0)  # the server accepts
+            await until(lambda: int(link.status().refused) >= len(strangers))
+            taken = len(link.status().clients)
+            station = connect("127.0.0.2")
+            await until(lambda: len(link.status().clients) == taken + 1)
             link.send(b"to all")
             assert await received(station, 6) == b"to all"
 
