@@ -24,7 +24,7 @@ REDACTED: Final = "redacted-redacted"
 
 def redacted_url(url: str) -> str:
     """The URL without its user, password and query values."""
-    return re.sub(r"([?&][^=&#]*=)[^&#]+", rf"\1{REDACTED}", re.sub(r"(?<=//)[^/@\s]+@", f"{REDACTED}@", url))
+    return re.sub(r"([?&][^=&#]*=)[^&#]+", rf"\1{REDACTED}", re.sub(r"(?<=//)[^/\s]+@", f"{REDACTED}@", url))
 
 
 def redacted_path(address: str) -> str:

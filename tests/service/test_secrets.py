@@ -39,6 +39,8 @@ def path(tmp_path: Path) -> Path:
     [
         ("rtsp://10.0.0.7/live", "rtsp://10.0.0.7/live"),
         ("rtsp://a:b@10.0.0.7/live", "rtsp://redacted-redacted@10.0.0.7/live"),
+        ("rtsp://a:p@ss@10.0.0.7/live", "rtsp://redacted-redacted@10.0.0.7/live"),
+        ("rtsp://a:p?k=s@10.0.0.7/l@ve", "rtsp://redacted-redacted@10.0.0.7/l@ve"),
         ("rtsp://a@h/?k=v&w=x", "rtsp://redacted-redacted@h/?k=redacted-redacted&w=redacted-redacted"),
         ("libcamera:0", "libcamera:0"),
         ("/dev/video0", "/dev/video0"),
