@@ -23,10 +23,10 @@ ATTITUDE, QUATERNION, POSITION = (NUMBERS[name] for name in ("ATTITUDE", "ATTITU
 HUD, PARAM_VALUE, HOME = (NUMBERS[name] for name in ("VFR_HUD", "PARAM_VALUE", "HOME_POSITION"))
 
 
-def request(rates, link="ground", system=255, target=(1, 1), once=None):
+def request(rates, link="ground", system=255, target=(1, 1), once=None, source=""):
     return RateRequest(
         system=system, component=190, link=link, target_system=target[0], target_component=target[1], rates=rates,
-        once=once,
+        once=once, source=source,
     )  # fmt: skip
 
 
@@ -184,6 +184,16 @@ def test_a_single_message_passes_once_and_not_for_ever():
     assert not asked.take_once(QUATERNION, T0)
     asked.note(request({}, once=QUATERNION), T0)
     assert not asked.take_once(QUATERNION, HostNs(T0 + ONCE_NS + 1))
+
+
+def test_single_message_that_a_station_awaits_is_not_forgotten_for_another_sources_requests():
+    asked = AskedRates()
+    asked.note(request({}, once=QUATERNION, source="10.0.0.1"), T0)
+    for msgid in range(200):
+        asked.note(request({}, once=msgid, source="10.0.0.66", system=1 + msgid), T0)
+    assert not asked.take_once(0, T0), "the oldest of the source that asks for most"
+    assert asked.take_once(199, T0)
+    assert asked.take_once(QUATERNION, T0)
 
 
 def test_strangers_do_not_fill_the_tables():

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from random import Random
+
 from mavlink_wire import Wire, dialect
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
 from fwav_companion.mavlink.router.ration import LINK_BURST, MAX_SOURCES, SOURCE_BURST, Ration
+from fwav_companion.mavlink.router.station_rates import MAX_ASKERS
+from fwav_companion.mavlink.wire.rate_messages import RateRequest, rate_request
+from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.types import NoticeCode
 from sitl_mock.codec import Listener
 
@@ -90,3 +95,54 @@ def test_one_address_has_one_ration_whatever_ids_it_speaks_with():
     assert "60 requests" in notice.text
     assert "159/190 10.0.0.66" in notice.text
     assert node.notices(HostNs(T0 + NS_PER_S)) == []
+
+
+def test_autopilot_is_asked_for_no_more_than_the_table_says():
+    """Whoever asks for what: each rate that reaches the autopilot is in the table then, and ends with its station."""
+    node = Node([LinkPolicy("autopilot", "autopilot"), LinkPolicy("ground", "gcs")], [])
+    node.adopt(1)
+    node.receive("autopilot", Wire(1, 1).heartbeat(), T0)
+    draw, now = Random(3), T0
+    passed = 0
+    for k in range(2000):
+        now = HostNs(now + NS_PER_S)
+        station, source = Wire(200 + draw.randrange(30), 190), f"10.0.0.{draw.randrange(5)}"
+        hz = draw.choice([1, 10, 1000, 65_535])
+        interval = (draw.choice([30, 33, 50_000 + k]), 1e6 / hz, 0, 0, 0, 0, 0)
+        frame = draw.choice(
+            [
+                station.frame("COMMAND_LONG", 1, 1, 511, 0, *interval),
+                station.frame("COMMAND_INT", 1, 1, 0, 511, 0, 0, *interval),
+                station.frame("MESSAGE_INTERVAL", draw.choice([30, 40_000 + k % 20_000]), -(-1_000_000 // hz)),
+                station.frame("REQUEST_DATA_STREAM", 1, 1, draw.choice([0, 6, 10, 12]), hz, 1),
+            ]
+        )
+        node.receive("ground", station.heartbeat(dialect.MAV_TYPE_GCS, 8), now, source)
+        for request in asked_of_autopilot(node.receive("ground", frame, now, source).forwards):
+            passed += 1
+            over = {msgid: rate for msgid, rate in request.rates.items() if rate > node.demanded.get(msgid, 0.0)}
+            assert over == {}
+    assert passed > 500
+    node.receive("autopilot", Wire(1, 1).heartbeat(), HostNs(now + 70 * NS_PER_S))
+    assert node.demanded == {}
+
+
+def asked_of_autopilot(forwards) -> list[RateRequest]:
+    frames = (frame for link, data in forwards if link == "autopilot" for frame in Scanner(datagrams=True).feed(data))
+    return [request for frame in frames if (request := rate_request(frame, "ground", "")) is not None]
+
+
+def test_ninth_station_of_a_link_that_asks_for_more_is_rejected_and_the_log_names_it():
+    node = Node([LinkPolicy("autopilot", "autopilot"), LinkPolicy("ground", "gcs")], [])
+    node.adopt(1)
+    node.receive("autopilot", Wire(1, 1).heartbeat(), T0)
+    results = []
+    for k in range(MAX_ASKERS + 1):
+        station = Wire(240 + k, 190)
+        node.receive("ground", station.heartbeat(dialect.MAV_TYPE_GCS, 8), T0, f"10.0.0.{k}")
+        command = station.frame("COMMAND_LONG", 1, 1, 511, 0, 30, 1e4 - k, 0, 0, 0, 0, 0)
+        forwards = node.receive("ground", command, T0, f"10.0.0.{k}").forwards
+        results.append([link for link, _ in forwards])
+    assert results == [["autopilot"]] * MAX_ASKERS + [["ground"]]
+    (notice,) = node.notices(T0)
+    assert "248/190 10.0.0.8" in notice.text

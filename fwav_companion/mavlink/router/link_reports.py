@@ -47,7 +47,7 @@ _KINDS: Final = (
         NoticeCode.RATE_REQUESTS_REJECTED,
         lambda port: port.rationed,
         "{count} requests for message rates on link {link!r} were rejected, the last of {sender}: a station may send"
-        " two a second",
+        " two a second, and a link has places for eight stations",
     ),
     _Kind(
         NoticeCode.BYTES_SHED,

@@ -325,8 +325,8 @@ class Node:
             port.stopped += request.by_group or any(out.is_autopilot for out in outs)
             return tuple(out for out in outs if not out.is_autopilot)
         if any(out.is_autopilot for out in outs):
-            rationed = request.once is None and port.merges_rate_requests
-            if rationed and not port.ration.takes(port.source or request.sender, now):
+            rationed, source = request.once is None and port.merges_rate_requests, port.source or request.sender
+            if rationed and not (self._router.merged.has_room(request, now) and port.ration.takes(source, now)):
                 port.stopped += 1
                 port.rationed += 1
                 port.rationed_sender = f"{request.system}/{request.component} {port.source}".rstrip()

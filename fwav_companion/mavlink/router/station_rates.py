@@ -17,6 +17,7 @@ count.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from math import inf
@@ -26,7 +27,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
-from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
+from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 
 FORGOTTEN_NS: Final = 60 * NS_PER_S
@@ -37,10 +38,11 @@ with many ids does not take the rates of a station that is heard."""
 YIELDS_NS: Final = 10 * NS_PER_S
 """Silence after which a station yields its place to a new one: ten missed heartbeats."""
 MAX_RATES: Final = 128
-"""Rates remembered for one station: twice what ArduPilot's groups hold. Unknown messages are not remembered."""
+"""Rates remembered for one station: twice what ArduPilot's groups hold."""
 ONCE_NS: Final = 3 * NS_PER_S
 """Time for which an answer to REQUEST_MESSAGE is awaited: it covers the retries of a station."""
 MAX_ONCE: Final = 32
+"""Most awaited answers on a link; beyond it, the source with most loses its oldest."""
 QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
 ATTITUDE_ID: Final = BY_NAME["ATTITUDE"].msgid
 ATTITUDE_IDS: Final = frozenset({ATTITUDE_ID, QUATERNION_ID})
@@ -65,12 +67,21 @@ class AskedRates:
 
     def __init__(self) -> None:
         self._askers: dict[int, _Asker] = {}
-        self._once_ns: dict[int, HostNs] = {}
+        self._once_ns: dict[tuple[str | int, int], HostNs] = {}
+        """End of the wait for a single message, by source and message id, the oldest first."""
+
+    def has_room(self, request: RateRequest, now: HostNs) -> bool:
+        """Return whether each rate of a request would be remembered."""
+        asker = self._askers.get(request.sender)
+        if asker is None:
+            return len(self._askers) < self._places(request) or self._yields(now) is not None
+        rates = {(request.target_system, msgid) for msgid, hz in request.rates.items() if hz is not None}
+        return len(asker.rates.keys() | rates) <= MAX_RATES
 
     def note(self, request: RateRequest, now: HostNs) -> bool:
         """Remember a request. Returns True if a rate changed."""
         if request.once is not None:
-            return self._note_once(request.once, now)
+            return self._note_once(request, request.once, now)
         asker = self._askers.get(request.sender)
         if asker is None:
             asker = self._add(request, now)
@@ -82,7 +93,7 @@ class AskedRates:
             key = (request.target_system, msgid)
             if hz is None:
                 asker.rates.pop(key, None)
-            elif key in asker.rates or (msgid in DEFINITIONS and len(asker.rates) < MAX_RATES):
+            elif key in asker.rates or len(asker.rates) < MAX_RATES:
                 asker.rates[key] = hz
         return asker.rates != before
 
@@ -97,8 +108,8 @@ class AskedRates:
         silent = [sender for sender, asker in self._askers.items() if now - asker.heard_ns > FORGOTTEN_NS]
         for sender in silent:
             del self._askers[sender]
-        for msgid in [msgid for msgid, until in self._once_ns.items() if until < now]:
-            del self._once_ns[msgid]
+        for key in [key for key, until in self._once_ns.items() if until < now]:
+            del self._once_ns[key]
         return bool(silent)
 
     def asked_hz(self, system: int, msgid: int) -> float | None:
@@ -119,25 +130,39 @@ class AskedRates:
 
     def take_once(self, msgid: int, now: HostNs) -> bool:
         """Return whether a single message of this id is awaited here, and end the wait."""
-        return bool(self._once_ns) and self._once_ns.pop(msgid, HostNs(0)) >= now
+        if not self._once_ns:
+            return False
+        until = [self._once_ns.pop(key) for key in [key for key in self._once_ns if key[1] == msgid]]
+        return max(until, default=HostNs(0)) >= now
 
-    def _note_once(self, msgid: int, now: HostNs) -> bool:
+    def _note_once(self, request: RateRequest, msgid: int, now: HostNs) -> bool:
+        key = (request.source or request.sender, msgid)
+        self._once_ns.pop(key, None)
         if len(self._once_ns) >= MAX_ONCE:
-            self._once_ns.clear()
-        self._once_ns[msgid] = HostNs(now + ONCE_NS)
+            ((most, _),) = Counter(source for source, _ in self._once_ns).most_common(1)
+            del self._once_ns[next(each for each in self._once_ns if each[0] == most)]
+        self._once_ns[key] = HostNs(now + ONCE_NS)
         return False
 
     def _add(self, request: RateRequest, now: HostNs) -> _Asker | None:
         """Remember a new station; None if there is no place for it."""
-        source = request.source or request.sender
-        has_one = any(asker.source == source for asker in self._askers.values())
-        if len(self._askers) >= MAX_ASKERS - has_one:
-            silent = min(self._askers, key=lambda one: self._askers[one].heard_ns)
-            if now - self._askers[silent].heard_ns < YIELDS_NS:
+        if len(self._askers) >= self._places(request):
+            silent = self._yields(now)
+            if silent is None:
                 return None
             del self._askers[silent]
-        asker = self._askers[request.sender] = _Asker(now, source, {})
+        asker = self._askers[request.sender] = _Asker(now, request.source or request.sender, {})
         return asker
+
+    def _places(self, request: RateRequest) -> int:
+        """Return the number of stations beside which the request's source may have another one."""
+        source = request.source or request.sender
+        return MAX_ASKERS - any(asker.source == source for asker in self._askers.values())
+
+    def _yields(self, now: HostNs) -> int | None:
+        """Return the station that has been silent for longest, if it yields its place."""
+        silent = min(self._askers, key=lambda one: self._askers[one].heard_ns)
+        return silent if now - self._askers[silent].heard_ns >= YIELDS_NS else None
 
 
 class Why(StrEnum):
@@ -192,6 +217,17 @@ class MergedRates:
         self.own = own
         self.refresh(system)
         return True
+
+    def has_room(self, request: RateRequest, now: HostNs) -> bool:
+        """Return whether a station's request exceeds no rate in the tables once it is noted: else the autopilot would
+        be asked for a rate that does not end with its station.
+        """
+        link = self.links.get(request.link)
+        if link is None or not request.reaches(request.target_system, self.own.component):
+            return True
+        if all((hz or 0.0) <= self.demanded.get(msgid, 0.0) for msgid, hz in request.rates.items()):
+            return True
+        return link.asked.has_room(request, now)
 
     def note(self, request: RateRequest, system: int, now: HostNs) -> bool:
         """Add a station's request. Returns True if caps may have changed."""

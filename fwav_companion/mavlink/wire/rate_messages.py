@@ -105,7 +105,7 @@ def _asked(msgid: int, fields: Any) -> dict[str, Any] | None:
         return {"rates": {fields.message_id: _hz(fields.interval_us)}}
     if not (isfinite(fields.param1) and 0 <= fields.param1 <= HIGHEST_ID):
         return None
-    if fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL and isfinite(fields.param2):
+    if fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
         return {"rates": {int(fields.param1): _hz(fields.param2)}, "command": fields.command}
     if fields.command == enums.MAV_CMD_REQUEST_MESSAGE:
         return {"once": int(fields.param1)}
@@ -114,8 +114,8 @@ def _asked(msgid: int, fields: Any) -> dict[str, Any] | None:
 
 def _hz(interval_us: float) -> float | None:
     """Return the rate of a SET_MESSAGE_INTERVAL (common.xml): -1 disables (0 Hz), 0 requests the default rate
-    (None).
+    (None). So do infinity and NaN: ArduPilot converts the latter to 0 on ARM, PX4 compares it (mavlink_receiver.cpp).
     """
-    if interval_us == 0:
+    if interval_us == 0 or not isfinite(interval_us):
         return None
     return 0.0 if interval_us < 0 else min(1e6 / interval_us, HIGHEST_HZ)
