@@ -30,6 +30,7 @@ BENCHMARKS = (
     "patch",
     "camera",
     "study",
+    "study_report",
     "export",
     "locate",
     "fusion",
