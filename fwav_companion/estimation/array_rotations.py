@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,9 +70,13 @@ def crosses(v: Array, axes: Array) -> Array:
 def rotation_and_jacobian(v: Array) -> tuple[Array, Array]:
     """Exp of a rotation vector (3,), and its left Jacobian: Exp(v + d) = Exp(J d) Exp(v) for small d.
 
-    Barfoot 2017, eq. 7.13 and 7.77. Plain floats: it is needed in every frame.
+    Barfoot 2017, eq. 7.13 and 7.77. Not to be written to: frames between two solves have the same one.
     """
-    x, y, z = (float(c) for c in v)
+    return _rotation_and_jacobian(*v.tolist())
+
+
+@lru_cache(maxsize=8)
+def _rotation_and_jacobian(x: float, y: float, z: float) -> tuple[Array, Array]:
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
     if angle < 1e-4:

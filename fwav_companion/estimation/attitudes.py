@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import body_rates
@@ -27,25 +30,24 @@ class Attitudes:
         self._shift_s = -0.5 * stamp_delay_s
         self._samples = SampleBuffer(WINDOW + 4)  # barycentric factors of the window that ends here, quaternion
         self._newest: list[float] = []
-        self._last = np.array([1.0, 0.0, 0.0, 0.0])
+        self._last = [1.0, 0.0, 0.0, 0.0]
 
     def __len__(self) -> int:
         return len(self._samples)
 
-    def append(self, t: float, q: Array) -> bool:
+    def append(self, t: float, q: Sequence[float] | Array) -> bool:
         """Add the attitude (4,) stamped t; False: not finite, not later, or no rotation."""
-        norm = float(np.linalg.norm(q))
-        if not (np.isfinite(t) and 0.5 < norm < 2.0):
+        size = math.hypot(*q)
+        if not (math.isfinite(t) and 0.5 < size < 2.0):
             return False
         t += self._shift_s
         if self._newest and t <= self._newest[-1]:
             return False
-        q = q / norm
-        if float(self._last @ q) < 0:
-            q = -q
-        self._last = q
+        # Of a rotation's two quaternions the one on the side of the last: between two samples it is interpolated.
+        size = math.copysign(size, sum([a * float(b) for a, b in zip(self._last, q, strict=True)]))
+        self._last = [float(c) / size for c in q]
         self._newest = [*self._newest[1 - WINDOW :], t]
-        self._samples.append(t, [*_barycentric_factors(self._newest), *q.tolist()])
+        self._samples.append(t, [*_barycentric_factors(self._newest), *self._last])
         return True
 
     def keep_near(self, instants: Array, margin_s: float) -> None:
@@ -89,17 +91,17 @@ class Attitudes:
     def _weights(self, t: Array) -> tuple[Ints, Array]:
         """Indices (6, N) of the samples about instants (N,), and their weights (6, N)."""
         times = self._samples.times
-        first = (times.searchsorted(t) - WINDOW // 2).clip(0, len(times) - WINDOW)
+        first = np.minimum(np.maximum(times.searchsorted(t) - WINDOW // 2, 0), len(times) - WINDOW)
         index = first + _OFFSETS
-        w = self._samples.values[:WINDOW].take(first + WINDOW - 1, 1) / (t - times[index] + 1e-12)
-        return index, w / w.sum(0)
+        w = self._samples.values[:WINDOW].take(first + WINDOW - 1, 1) / (t - times.take(index) + 1e-12)
+        return index, w / np.add.reduce(w, 0)
 
     def quaternions(self, t: Array) -> Array:
         """Unit quaternions (4, N) at instants (N,), held beyond the samples' ends."""
-        t = t.clip(self._samples.times[0], self._samples.times[-1])
-        index, w = self._weights(t)
-        q = (w * self._samples.values[WINDOW:].take(index, 1)).sum(1)
-        return np.asarray(q / np.sqrt((q * q).sum(0)))
+        times = self._samples.times
+        index, w = self._weights(np.minimum(np.maximum(t, times[0]), times[-1]))
+        q = np.einsum("jn,ijn->in", w, self._samples.values[WINDOW:].take(index, 1))
+        return np.asarray(q / np.sqrt(np.einsum("in,in->n", q, q)))
 
     def _inside(self) -> tuple[float, float]:
         """Interval in which both differences are between samples."""
@@ -109,7 +111,7 @@ class Attitudes:
     def fast_and_slow_rates(self, t: Array) -> tuple[Array, Array]:
         """Rates (3, N) in carrier axes, rad/s, by a difference over 4 ms and by one over 0.3 s."""
         first, last = self._inside()
-        t = t.clip(first, last)
+        t = np.minimum(np.maximum(t, first), last)
         centre = np.minimum(t, last - _SLOW_STEP_S)
         instants = (t, t - _FAST_STEP_S, t + _FAST_STEP_S, centre, centre - _SLOW_STEP_S, centre + _SLOW_STEP_S)
         q = self.quaternions(np.concatenate(instants)).reshape(4, 6, -1)
@@ -141,10 +143,4 @@ def _barycentric_factors(times: list[float]) -> list[float]:
     """Inverse products of the differences of a window's times; ones while the window is not full."""
     if len(times) < WINDOW:
         return [1.0] * WINDOW
-    factors = []
-    for i, a in enumerate(times):
-        product = 1.0
-        for j, b in enumerate(times):
-            product *= a - b if i != j else 1.0
-        factors.append(1.0 / product)
-    return factors
+    return [1.0 / math.prod([a - b for b in times if b != a]) for a in times]

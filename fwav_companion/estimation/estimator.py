@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.solve_schedule import SolveSchedule
-from fwav_companion.estimation.target_answers import reported_motion, target_answers
+from fwav_companion.estimation.target_answers import target_answers
 from fwav_companion.estimation.target_pairs import near_pairs
 from fwav_companion.estimation.vehicle_path import VehiclePath
 from fwav_companion.estimation.wander import SMOOTH
@@ -53,6 +53,7 @@ _SURPRISE = 4.0  # mean squared distance, twice what is expected, that calls for
 SOLVED_TARGETS = 24  # columns of a solve are bounded; the best seen are in it
 _REPLAYED = 300  # frames between a solve's start and its take-over
 _ATTITUDE_MARGIN_S, _PRUNE_S, _PRUNED_AGE_S = 1.0, 30.0, 40.0
+NO_TARGETS: Mapping[int, int] = {}
 
 
 class Estimator:
@@ -87,11 +88,11 @@ class Estimator:
         self._solved_height_m = 0.0
         self._answers: tuple[LiveFilter, int, float, dict[int, TargetAnswer]] | None = None
 
-    def add_attitude(self, t: float, quaternion: Array) -> bool:
+    def add_attitude(self, t: float, quaternion: Sequence[float] | Array) -> bool:
         """Add the body's attitude (4,), ned_from_body, as stamped; False for a sample that is left out."""
         return self.carrier.body.append(t, quaternion)
 
-    def add_gimbal_attitude(self, t: float, quaternion: Array) -> bool:
+    def add_gimbal_attitude(self, t: float, quaternion: Sequence[float] | Array) -> bool:
         """Add the attitude (4,) of the gimbal that carries the camera; False for a sample that is left out.
 
         Its yaw counts from the vehicle's heading, or from north where `carrier.yaw_from_north` says so.
@@ -112,10 +113,12 @@ class Estimator:
             self.live = filter_before_solves(self.model, self.carrier, t)
         return self.live is not None
 
-    def predict(self, s: Sightings, targets: Ints, alike: Bools) -> FramePrediction | None:
+    def predict(
+        self, s: Sightings, targets: Ints, alike: Bools, beside: Mapping[int, int] = NO_TARGETS
+    ) -> FramePrediction | None:
         """A frame's detections against these targets; None where no pair is possible.
 
-        alike: (D, T) pairs that may be one thing by their labels.
+        alike: (D, T) pairs that may be one thing by their labels. beside: further targets that go with some of these.
         """
         live = self.live
         if live is None or not len(s) or not self.carrier.ready:
@@ -124,22 +127,29 @@ class Estimator:
         detection, target = near_pairs(live, s, targets, alike)
         if not len(detection):
             return None
-        prediction, _, _ = live.innovations(s, detection, target)
-        return prediction
+        further = [i for i, k in enumerate(target.tolist()) if k in beside and beside[k] in live]
+        if further:
+            target = np.concatenate([target, [beside[k] for k in target[further].tolist()]])
+            detection = np.concatenate([detection, detection[further]])
+        return live.predict_pairs(s, detection, target)
 
-    def update(self, s: Sightings, teaches: Bools | None = None) -> None:
-        """Take a frame whose detections have targets; -1: none.
+    def update(self, s: Sightings) -> None:
+        """Take a frame whose detections have targets; -1: none."""
+        seen = np.flatnonzero(s.target >= 0)
+        if len(seen):
+            self.update_pairs(s, seen, s.target[seen], np.ones(len(seen), np.bool_))
 
-        teaches: (D,) which of them solves use, None: all. New targets may be clutter, and moving ones do not teach.
+    def update_pairs(self, s: Sightings, detection: Ints, targets: Ints, teaches: Bools) -> None:
+        """Take pairs (M,) of a frame's detections and targets.
+
+        teaches: (M,) which of them solves use. New targets may be clutter, and moving ones do not teach.
         """
-        s = s.select(s.target >= 0) if teaches is None else s
-        if not len(s):
-            return
-        taught = s if teaches is None else s.select(teaches)
-        if len(taught):
+        if teaches.any():
+            taught = s.select(detection[teaches]).with_targets(targets[teaches])
             self.record(taught)
             self._replayed.append(taught)
-        self.track(s)
+        if self.live is not None and self.carrier.ready:
+            self.live.update(s, detection, targets)
 
     def record(self, s: Sightings) -> None:
         """Take sightings that the live filter has had already for the next solve."""
@@ -156,15 +166,6 @@ class Estimator:
         self.record(s)
         if self.live is not None:
             self.live.refused += len(s)
-
-    def track(self, s: Sightings) -> None:
-        """Update the live filter's targets by a frame; sightings of new and moving targets are not in solves."""
-        live = self.live
-        if live is None or not self.carrier.ready:
-            return
-        known = np.array([k in live for k in s.target.tolist()], np.bool_)
-        if known.any():
-            live.update(s.select(known))
 
     def copy(self) -> Estimator:
         """A snapshot of all but the telemetry, which frames do not change: a late frame returns to it."""
@@ -214,11 +215,11 @@ class Estimator:
             return len(self._new) >= _FIRST_FRAMES or span >= _FIRST_SPAN_S
         if self._schedule.is_due(now) or not self._schedule.may_be_early(now):
             return self._schedule.is_due(now)
-        change = abs(self._height(now) - self._solved_height_m)
-        if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M) or self._has_new_target:
-            return True
         live = self.live
-        if live is None:
+        if live is None or self._has_new_target:
+            return True
+        change = abs(self._height(live, now) - self._solved_height_m)
+        if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M):
             return True
         seen = live.used + live.refused
         surprised = live.surprise > _SURPRISE * max(live.used, 1)
@@ -261,13 +262,13 @@ class Estimator:
         self.live = LiveFilter(
             self.model, self.carrier, estimate.wanders, estimate.t, estimate.mean, estimate.covariance, estimate.ids
         )
-        for s in self._replayed:
-            self.track(s)
+        if self._replayed:
+            self.live.replay(self._replayed)
         if before is not None:
             self.live.predict(before.t)
             self.live.take_over(before, self._dropped)
         self._dropped.intersection_update(self.live.at)
-        self._solved_height_m = self._height(estimate.t)
+        self._solved_height_m = self._height(self.live, estimate.t)
 
     def solve(self, now: float) -> None:
         """Solve in line and adopt at once."""
@@ -286,12 +287,12 @@ class Estimator:
         model, now = replace(self.model, targets=dict(self.targets)), max(float(s.t[-1]), self.estimate.t)
         return final_places(SolveTask(now, model, self.carrier.copy(), s, self.estimate, False, False))
 
-    def _height(self, now: float) -> float:
+    def _height(self, live: LiveFilter, now: float) -> float:
         """Camera above the ground below it, m, as far as known."""
         up = float(self.estimate.errors[-1, 2]) if len(self.estimate.errors) else 0.0
-        position, _, _ = self.carrier.path.at(np.array([min(now, self.carrier.path.newest)]))
-        ground, _ = self.model.ground.height(position[:2])
-        return float(position[2, 0] - ground[0]) - float(self.estimate.shared[HEIGHT]) - up
+        position = live.poses.motion(now).position
+        ground, _ = self.model.ground.height(position[:2, None])
+        return float(position[2] - ground[0]) - float(self.estimate.shared[HEIGHT]) - up
 
     def _prune(self, now: float, s: Sightings) -> None:
         """Delete attitudes that no kept sighting needs: memory does not grow with the flight."""
@@ -311,11 +312,6 @@ class Estimator:
         if answers is None or answers[:3] != (live, live.version, t):
             answers = self._answers = live, live.version, t, target_answers(live, t)
         return answers[3].get(target)
-
-    def reported_ned(self, t: float) -> tuple[float, float, float]:
-        """The camera's reported position at t: north, east and down about the origin, m."""
-        (north, east, height), _ = reported_motion(self.carrier.path, t)
-        return float(north), float(east), -float(height)
 
     def self_calibration(self) -> tuple[ParameterStatus, ...]:
         """Status of every shared parameter, by the live posterior."""

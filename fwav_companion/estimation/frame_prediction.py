@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class FramePrediction:
         """
         rows = self.rows(pairs)
         cross = self.covariance[:, rows]  # (2 M, 2 P)
-        gain = np.linalg.solve(self.covariance[np.ix_(rows, rows)], cross.T).T
+        gain = np.linalg.solve(self.covariance[rows[:, None], rows], cross.T).T
         residual, covariance = self.residual - gain @ self.residual[rows], self.covariance - gain @ cross.T
         m = len(self.target)
         diagonal = np.arange(2 * m)
@@ -63,6 +64,35 @@ class FramePrediction:
         rows = self.rows(pairs)
         covariance, residual = self.covariance[np.ix_(rows, rows)], self.residual[rows]
         return float(residual @ np.linalg.solve(covariance, residual)), float(np.linalg.slogdet(covariance)[1])
+
+
+class LinearisedPairs(NamedTuple):
+    """Pairs of a frame's detections and targets, linearised once at the live filter's means then."""
+
+    detection: Ints  # (M,) index in the frame
+    target: Ints  # (M,)
+    residual: Array  # (2, M) standardised, observed minus predicted
+    visible: Bools  # (M,)
+    base: Array  # (2, M, n) derivatives by the base state
+    own: Array  # (2, 3, M) derivatives by the target's place
+    noise: Array  # (2, M, k) what the frame's pairs share, one sigma each
+    mean: Array  # (n,) base state
+    places: Array  # (3, M)
+
+    def select(self, pairs: Ints) -> LinearisedPairs:
+        """These pairs alone."""
+        return LinearisedPairs(
+            self.detection[pairs], self.target[pairs], self.residual[:, pairs], self.visible[pairs],
+            self.base[:, pairs], self.own[..., pairs], self.noise[:, pairs], self.mean, self.places[:, pairs],
+        )  # fmt: skip
+
+    def of(self, detection: Ints, targets: Ints) -> LinearisedPairs | None:
+        """The pairs of these detections and targets (P,); None where one is not among them."""
+        at = {pair: i for i, pair in enumerate(zip(self.detection.tolist(), self.target.tolist(), strict=True))}
+        pairs = [at.get(pair, -1) for pair in zip(detection.tolist(), targets.tolist(), strict=True)]
+        if -1 in pairs:
+            return None
+        return self if pairs == [*range(len(at))] else self.select(np.array(pairs, np.int64))
 
 
 def pair_distances(residual: Array, covariance: Array) -> tuple[Array, Array]:

@@ -1,13 +1,11 @@
 """Initiation of targets: by one sighting, and by clusters of the ground points of detections that no target explains.
 
-Before the first solve there is no calibration: clusters are formed for every start of the delay's bank, and for mounts
-that are wrong by quarter turns (an image that is rotated, a camera that is turned round). The hypothesis that explains
-most detections with the fewest clusters is used; a turn that explains more than the configuration is reported.
+Clusters are formed for mounts that are wrong by quarter turns: an image that is rotated, a camera that is turned round.
+The hypothesis that explains most detections with the fewest clusters is used.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +53,7 @@ def begin_target(live: LiveFilter, target: int, s: Sightings, *, moving: bool) -
     The place is the ground point; its error is that of the detection and of all that the base state does not know.
     """
     model, one, error = live.model, np.zeros(1, np.int64), live.mean[live.error :, None]
-    poses, prior = live.poses(s, one), model.target(target)
+    poses, prior = live.poses.of(s, one), model.target(target)
     place = poses.position[:2]
     for _ in range(2):
         ground = float(model.ground.height(place)[0][0])
@@ -92,10 +90,9 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Clustering:
-    """Clusters under one hypothesis of the delay and of the mount."""
+    """Clusters under one hypothesis of the mount."""
 
     clusters: tuple[Cluster, ...]
-    shared: Array  # (S,)
     turn: Array  # (3,) rad, rotation vector by which the configured mount is wrong; zero: it is right
     score: float  # explained detections, each by how well it fits, minus the costs
     places: Array  # (2, N) m ground points of all detections
@@ -118,28 +115,35 @@ def quarter_turns(camera_axis: Array) -> list[Array]:
     return found
 
 
+def sight_poses(carrier: Carrier, s: Sightings, shared: Array) -> Poses:
+    """Poses (N) of sightings at the shared parameters (S,): those of all turns of the mount."""
+    instants, shift = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT], attitude_shift(shared)
+    return carrier.poses(instants, carrier.live_rates(instants, shift), shift)
+
+
 def cluster(
-    model: Model, carrier: Carrier, s: Sightings, shared: Array, covariance: Array, error: Array,
-    turn: Array | None = None, *, wander_m: float = 0.0,
+    model: Model, poses: Poses, s: Sightings, shared: Array, covariance: Array, error: Array,
+    turn: Array | None = None, *, wander_m: float = 0.0, beats: float = -np.inf,
 ) -> Clustering:  # fmt: skip
     """Clusters of sightings (N) at the shared parameters (S,) with their covariance (S, S), and the error (3,).
 
-    wander_m: one sigma of the error's change between two sightings, of sightings that are long apart.
+    wander_m: one sigma of the error's change between two sightings, of sightings that are long apart. beats: a score;
+    the clustering ends without clusters where its own cannot be greater.
     """
     turn = np.zeros(3) if turn is None else turn
     back = rotation_and_jacobian(-turn)[0]
     rays = back @ s.rays
     tangents = np.einsum("ian,ba->ibn", s.tangents, back)
-    instants, shift = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT], attitude_shift(shared)
-    poses = carrier.poses(instants, carrier.live_rates(instants, shift), shift)
     ground = float(model.ground.height(poses.position[:2, :1])[0][0])
     place, meets = feet(poses, rays, shared, error[:, None], ground)
     spread = _foot_covariances(model, poses, rays, tangents, shared, covariance, place, ground, error, s)
     spread[[0, 1], [0, 1]] += 0.5 * wander_m**2
-    clusters = _greedy(place, spread, meets, s.frame)
+    best = float(meets.sum()) - (_TURN_COST if turn.any() else 0.0)
+    # Each cluster costs a detection at least: that of a small one is not explained.
+    clusters = _greedy(place, spread, meets, s.frame, min(float(_MOST_CLUSTERS), best - beats))
     explained = sum(_fit(c, place, spread) for c in clusters)
     score = explained - _CLUSTER_COST * len(clusters) - (_TURN_COST if turn.any() else 0.0)
-    return Clustering(tuple(clusters), shared, turn, score, place, meets)
+    return Clustering(tuple(clusters), turn, score, place, meets)
 
 
 def _foot_covariances(
@@ -163,36 +167,39 @@ def _foot_covariances(
     return np.asarray(out)
 
 
-def _greedy(place: Array, spread: Array, meets: Bools, frame: Ints) -> list[Cluster]:
-    """Each ground point, in order of time, joins the nearest cluster in its gate that its frame has not used."""
+def _greedy(place: Array, spread: Array, meets: Bools, frame: Ints, below: float) -> list[Cluster]:
+    """Each ground point, in order of time, joins the nearest cluster in its gate that its frame has not used.
+
+    Plain floats: a point has few clusters about it. below: number of clusters at which it ends with none.
+    """
     members: list[list[int]] = []
-    means: list[Array] = []
-    spreads: list[Array] = []
+    means: list[list[float]] = []  # north, east; covariance of one ground point: nn, ne, ee
     last_frame: list[int] = []
+    points = np.stack([*place, spread[0, 0], spread[0, 1], spread[1, 1]], -1).tolist()
     for i in np.flatnonzero(meets).tolist():
-        best, best2 = -1, _GATE2
-        for c, mean in enumerate(means):
-            if last_frame[c] == int(frame[i]):
+        best, best2, now, (north, east, nn, ne, ee) = -1, _GATE2, int(frame[i]), points[i]
+        for c, (n, e, nn_c, ne_c, ee_c) in enumerate(means):
+            if last_frame[c] == now:
                 continue
-            d = place[:, i] - mean
-            distance2 = float(d @ np.linalg.solve(spreads[c] + spread[..., i], d))
+            u, v, a, b, d = north - n, east - e, nn + nn_c, ne + ne_c, ee + ee_c
+            distance2 = (u * u * d - 2.0 * u * v * b + v * v * a) / (a * d - b * b)
             if distance2 < best2:
                 best, best2 = c, distance2
         if best < 0:
-            if len(means) < _MOST_CLUSTERS:
-                members.append([i])
-                means.append(place[:, i].copy())
-                spreads.append(spread[..., i].copy())
-                last_frame.append(int(frame[i]))
+            members.append([i])
+            means.append(points[i])
+            last_frame.append(now)
+            if len(means) >= below:
+                return []
             continue
         members[best].append(i)
         # The shared errors do not average out: the mean moves, its covariance is that of one ground point.
-        means[best] = means[best] + (place[:, i] - means[best]) / len(members[best])
-        spreads[best] = spreads[best] + (spread[..., i] - spreads[best]) / len(members[best])
-        last_frame[best] = int(frame[i])
+        share = 1.0 / len(members[best])
+        means[best] = [m + (x - m) * share for m, x in zip(means[best], points[i], strict=True)]
+        last_frame[best] = now
     return [
-        Cluster(m, c, np.array(which, np.int64))
-        for m, c, which in zip(means, spreads, members, strict=True)
+        Cluster(np.array([n, e]), np.array([[nn, ne], [ne, ee]]), np.array(which, np.int64))
+        for (n, e, nn, ne, ee), which in zip(means, members, strict=True)
         if len(np.unique(frame[which])) >= LEAST_FRAMES
     ]
 
@@ -207,21 +214,3 @@ def _fit(c: Cluster, place: Array, spread: Array) -> float:
     both = spread[..., c.members].transpose(2, 0, 1) + c.covariance  # (M, 2, 2)
     distance2 = np.einsum("mi,mi->m", off, np.linalg.solve(both, off[..., None])[..., 0])
     return float((1.0 - distance2 / _GATE2).clip(0.0).sum())
-
-
-def best_clustering(
-    model: Model, carrier: Carrier, s: Sightings, delays: Iterable[float], turns: Iterable[Array]
-) -> Clustering:
-    """The clustering of greatest score over delays and turns, before the first solve.
-
-    The delay's share of the covariance is left out: each hypothesis has a delay of its own.
-    """
-    variance = model.priors.sigma**2
-    variance[CAMERA_DELAY] = 0.0
-    turns = list(turns)
-    found = []
-    for delay in delays:
-        shared = model.priors.mean.copy()
-        shared[CAMERA_DELAY] = delay
-        found += [cluster(model, carrier, s, shared, np.diag(variance), np.zeros(3), turn) for turn in turns]
-    return max(found, key=lambda c: c.score)

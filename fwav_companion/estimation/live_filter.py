@@ -13,24 +13,24 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, READOUT, Array, Ints
-from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, pair_distances
+from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.frame_poses import FramePoses
+from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, LinearisedPairs, pair_distances
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.measurement import Poses, Projection, project
+from fwav_companion.estimation.measurement import Projection, project
 from fwav_companion.estimation.path_samples import Carrier
-from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, attitude_shift, in_solution
+from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.smoother import common_noise
 from fwav_companion.estimation.wander import SHORT_S, Wander, aged, step_variance
 
 TEACHING = 10  # targets whose sightings update the error and each other
-_ONE_INSTANT_S = 1e-6
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
 _REACH_SIGMAS = math.sqrt(3.0)  # nodes of the Gauss-Hermite quadrature with three points; each outer one weighs a sixth
 
@@ -54,7 +54,7 @@ class LiveFilter:
         self.mean, self.covariance = mean[base], covariance[np.ix_(base, base)]
         self.at = {k: self.size + TARGET_SIZE * i for i, k in enumerate(taught.tolist())}
         self.error = len(base) - 3
-        self._errors = np.arange(self.error, self.error + 3)
+        self.errors = np.arange(self.error, self.error + 3)
         others = ids[TEACHING:]
         rows = self.size + TARGET_SIZE * len(taught) + np.arange(TARGET_SIZE * len(others)).reshape(-1, TARGET_SIZE)
         self.others = SchmidtTargets.of_solve(
@@ -64,7 +64,8 @@ class LiveFilter:
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self.version = 0  # grows with every change of means or covariances
-        self._pose: tuple[float, Poses] | None = None
+        self.poses = FramePoses(carrier, self.mean[: self.size])
+        self._frame: tuple[Sightings, LinearisedPairs, FramePrediction] | None = None  # newest, at the present means
 
     def _wander_as(self, wanders: tuple[Wander, Wander]) -> None:
         self.wanders = wanders
@@ -75,6 +76,7 @@ class LiveFilter:
         """A snapshot that later frames do not change."""
         other = copy.copy(self)
         other.mean, other.covariance, other.others = self.mean.copy(), self.covariance.copy(), self.others.copy()
+        other.poses = FramePoses(self.carrier, other.mean[: self.size])
         return other
 
     def __contains__(self, target: int) -> bool:
@@ -84,25 +86,6 @@ class LiveFilter:
     def targets(self) -> Ints:
         """Numbers of all targets, teaching ones first."""
         return np.array([*self.at, *self.others.at], np.int64)
-
-    def pose(self, t: float) -> Poses:
-        """The pose of a frame stamped t; all users of the frame share it."""
-        if self._pose is None or self._pose[0] != t:
-            shared = self.mean[: self.size]
-            self._pose = t, self.carrier.pose(t - float(shared[CAMERA_DELAY]), attitude_shift(shared))
-        return self._pose[1]
-
-    def poses(self, s: Sightings, detection: Ints, later_s: float = 0.0) -> Poses:
-        """Poses of a frame's detections (M,): one pose, or with a rolling shutter that of each detection's row.
-
-        later_s: delay of the camera beyond the estimated one.
-        """
-        shared = self.mean[: self.size]
-        t = s.t - s.row * float(shared[READOUT])
-        if t.max() - t.min() < _ONE_INSTANT_S and not later_s:
-            return self.pose(float(t[0]))
-        t, shift = t - float(shared[CAMERA_DELAY]) - later_s, attitude_shift(shared)
-        return self.carrier.poses(t, self.carrier.live_rates(t, shift), shift).take(detection)
 
     def target_means(self, targets: Ints) -> Array:
         """Means (3, M): north, east, height above the surface."""
@@ -116,8 +99,9 @@ class LiveFilter:
         """Age the error to the time t."""
         if t <= self.t:
             return
+        self._frame = None
         keep, added = aged(self.wanders, self.growth, t - self.t)
-        e = self._errors
+        e = self.errors
         if t - self.t >= SHORT_S:
             self.mean[e] *= keep
             self.covariance[e] *= keep[:, None]
@@ -126,9 +110,14 @@ class LiveFilter:
         self.covariance[e, e] += added
         self._change_solution(t)
         self.version += 1
-        self.covariance[e, e] += sum(step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t)
+        if self.carrier.path.breaks:
+            self.covariance[e, e] += self.steps(t)
         self.others.predict(t - self.t)
         self.t = t
+
+    def steps(self, t: float) -> float:
+        """Variance (m^2) that steps of the report add from now to t."""
+        return sum([step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t])
 
     def _change_solution(self, t: float) -> None:
         """Go over to the receiver's solution at t: what the best of both has in common stays (`wander.Pieces`)."""
@@ -140,7 +129,7 @@ class LiveFilter:
             return
         common = min(old, new) ** 2
         keep = common / old**2 if old > 0.0 else 1.0
-        e = self._errors[:2]
+        e = self.errors[:2]
         self.mean[e] *= keep
         self.covariance[e] *= keep
         self.covariance[:, e] *= keep
@@ -153,9 +142,9 @@ class LiveFilter:
 
         Both are at the same instant. dropped: targets that are not wanted any more.
         """
-        self.version += 1
+        self._change()
         shared = np.arange(self.size)
-        here, there = np.append(shared, self._errors), np.append(shared, before._errors)
+        here, there = np.append(shared, self.errors), np.append(shared, before.errors)
         for target in before.targets.tolist():
             if target in self or target in dropped:
                 continue
@@ -176,47 +165,66 @@ class LiveFilter:
     def forget(self, target: int) -> None:
         """Delete a target that does not teach, or leave a teaching one to the next solve."""
         self.others.delete(target)
-        self.version += 1
+        self._change()
 
     def rename(self, old: int, new: int) -> None:
         """Give a target another number; one that has the new number is deleted."""
-        self.version += 1
+        self._change()
         if old in self.others.at:
             self.others.rename(old, new)
         elif old in self.at:
             self.at = {(new if k == old else k): i for k, i in self.at.items() if k != new}
 
-    def innovations(self, s: Sightings, detection: Ints, targets: Ints) -> tuple[FramePrediction, Array, Array]:
-        """Pairs (M,) of detections and targets; their rows (2 M, n) of the base state, and (2, 3, M) of the targets."""
-        m, mean = len(targets), self.target_means(targets)
-        ground, slope = self.model.ground.height(mean[:2])
-        point = np.stack([mean[0], mean[1], mean[2] + ground])
+    def _change(self) -> None:
+        self.version += 1
+        self._frame = None
+
+    def predict_pairs(self, s: Sightings, detection: Ints, targets: Ints) -> FramePrediction:
+        """Innovations of pairs (M,) of a frame's detections and targets. The frame's update uses them again."""
+        pairs = self._pairs(s, detection, targets)
+        self._frame = s, pairs, self._innovations(pairs)
+        return self._frame[2]
+
+    def _pairs(self, s: Sightings, detection: Ints, targets: Ints) -> LinearisedPairs:
+        places = self.target_means(targets)
+        ground, slope = self.model.ground.height(places[:2])
+        point = np.stack([places[0], places[1], places[2] + ground])
         found, h = self.linearised(s, detection, point)
-        h = h.swapaxes(1, 2)  # (2, M, n)
-        own = found.point.copy()
+        base, own = h.swapaxes(1, 2).copy(), found.point.copy()  # (2, M, n), (2, 3, M)
         own[:, :2] += found.point[:, 2:] * slope
         for i, k in enumerate(targets.tolist()):
             if k in self.at:
-                h[:, i, self.at[k] : self.at[k] + TARGET_SIZE] = own[..., i]
-        rows = h.reshape(2 * m, -1)
+                base[:, i, self.at[k] : self.at[k] + TARGET_SIZE] = own[..., i]
         own_noise = None if s.own_noise is None else s.own_noise.take(detection, -1)
-        g = common_noise(found, self.model.noise, own_noise).swapaxes(1, 2).reshape(2 * m, -1)
-        covariance = rows @ self.covariance @ rows.T + g @ g.T
+        noise = common_noise(found, self.model.noise, own_noise)
         if own_noise is not None:
-            place = (found.point * own_noise[[1, 1, 2]]).swapaxes(1, 2).reshape(2 * m, 3)
-            covariance += place @ place.T
+            noise = np.concatenate([noise, found.point * own_noise[[1, 1, 2]]], 1)
+        return LinearisedPairs(
+            detection, targets, found.residual, found.visible, base, own, noise.swapaxes(1, 2), self.mean.copy(), places
+        )
+
+    def _innovations(self, pairs: LinearisedPairs) -> FramePrediction:
+        """Innovations at the present means, which have moved little since the pairs were linearised."""
+        m = len(pairs.target)
+        rows, g = pairs.base.reshape(2 * m, -1), pairs.noise.reshape(2 * m, -1)
+        residual = pairs.residual.ravel() - rows @ (self.mean - pairs.mean)
+        covariance = rows @ self.covariance @ rows.T + g @ g.T
         covariance.reshape(-1)[:: 2 * m + 1] += 1.0
-        self._add_others(covariance, rows, own, targets)
-        residual = found.residual.ravel()
+        others = np.array([i for i, k in enumerate(pairs.target.tolist()) if k in self.others.at], np.int64)
+        if len(others):
+            moved = self.target_means(pairs.target[others]) - pairs.places[:, others]  # (3, P)
+            residual.reshape(2, m)[:, others] -= (pairs.own[..., others] * moved).sum(1)
+            self.others.add_innovations(covariance, rows, pairs.target, pairs.own, others, self.covariance)
         distance2, log_det = pair_distances(residual, covariance)
-        prediction = FramePrediction(detection, targets, residual, covariance, distance2, log_det, found.visible)
-        return prediction, rows, own
+        return FramePrediction(
+            pairs.detection, pairs.target, residual, covariance, distance2, log_det, pairs.visible
+        )  # fmt: skip
 
     def linearised(self, s: Sightings, detection: Ints, point: Array) -> tuple[Projection, Array]:
         """Detections (M,) of a frame at points (3, M): the projection, and derivatives (2, n, M) by the base state."""
         rays, tangents, row = s.rays.take(detection, -1), s.tangents.take(detection, -1), s.row.take(detection)
-        shared, error = self.mean[: self.size], self.mean[self._errors, None]
-        found = project(self.poses(s, detection), rays, tangents, shared, point, error, row)
+        shared, error = self.mean[: self.size], self.mean[self.errors, None]
+        found = project(self.poses.of(s, detection), rays, tangents, shared, point, error, row)
         h = np.zeros((2, len(self.mean), len(detection)))
         h[:, : self.size], h[:, self.error :] = found.shared, found.point
         if self.curved:
@@ -224,58 +232,53 @@ class LiveFilter:
             # as what the derivative says. Even and odd in the delay, each with a variance of one.
             reach, beyond = _REACH_SIGMAS * float(self.covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5, []
             for later in (reach, -reach):
-                there = project(self.poses(s, detection, later), rays, tangents, shared, point, error, row)
+                there = project(self.poses.of(s, detection, later), rays, tangents, shared, point, error, row)
                 off = found.residual - there.residual - later * found.shared[:, CAMERA_DELAY]
                 beyond.append(np.where(there.visible & found.visible, off, 0.0) * (0.5 / _REACH_SIGMAS))
             h[:, self.error - 2], h[:, self.error - 1] = beyond[0] + beyond[1], beyond[0] - beyond[1]
         return found, h
 
-    def _add_others(self, covariance: Array, h: Array, own: Array, targets: Ints) -> None:
-        """Add what Schmidt targets contribute to the innovation covariance (2 M, 2 M), in place."""
-        index = np.array([i for i, k in enumerate(targets.tolist()) if k in self.others.at], np.int64)
-        if not len(index):
-            return
-        o = np.array([self.others.at[int(k)] for k in targets[index]], np.int64)
-        rows = np.stack([index, index + len(targets)], 1)  # (P, 2)
-        seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
-        by_base = seen @ self.others.cross[o, :TARGET_SIZE]  # (P, 2, n)
-        flat = rows.ravel()
-        carried = by_base.reshape(len(flat), -1) @ h.T  # (2 P, 2 M)
-        covariance[flat] += carried
-        covariance[:, flat] += carried.T
-        # Two of them have in common what the base state explains; of itself a target knows more.
-        gains = seen @ self.others.gains(o, self.covariance)  # (P, 2, n)
-        common = gains.reshape(len(flat), -1) @ by_base.reshape(len(flat), -1).T
-        same = o[:, None] == o
-        for i, j in np.argwhere(same).tolist():
-            whole = seen[i] @ self.others.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE] @ seen[j].T
-            common[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = whole
-        covariance[np.ix_(flat, flat)] += common
+    def replay(self, frames: Sequence[Sightings]) -> None:
+        """Take frames that came since the solve's start; their poses are found together."""
+        stamps = [float(s.t[0]) for s in frames]
+        for t, pose, s in zip(stamps, self.poses.found_together(stamps), frames, strict=True):
+            self.poses.hold(t, pose)
+            self.update(s, np.arange(len(s)), s.target)
 
-    def update(self, s: Sightings) -> None:
-        """Take one frame whose detections have targets that the filter knows."""
+    def update(self, s: Sightings, detection: Ints, targets: Ints) -> None:
+        """Take pairs (M,) of one frame's detections and targets; targets that it does not hold are left out."""
+        held = np.array([k in self for k in targets.tolist()], np.bool_)
+        if not held.all():
+            detection, targets = detection[held], targets[held]
+        if not len(targets):
+            return
         self.predict(float(s.t[0]))
         early, late = self.t - BREAK_MARGIN_S, self.t + BREAK_MARGIN_S
         if any(b.before < late and early < b.after for b in self.carrier.path.breaks):
             return
         self._update_by_range()
-        teaches = np.array([k in self.at for k in s.target.tolist()], np.bool_)
-        for index in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
-            if not len(index):
+        frame, pairs = self._frame, None
+        if frame is not None and frame[0] is s:
+            pairs = frame[1].of(detection, targets)
+        if pairs is None:
+            pairs = self._pairs(s, detection, targets)
+        teaches = np.array([k in self.at for k in pairs.target.tolist()], np.bool_)
+        for which in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
+            if not len(which):
                 continue
-            found, h, own = self.innovations(s, index, s.target[index])
-            use = found.visible & (found.distance2 < GATE2)
-            self.used += int(use.sum())
-            self.refused += int((~use).sum())
+            part = pairs if len(which) == len(teaches) else pairs.select(which)
+            frame = self._frame
+            found = frame[2] if frame is not None and frame[1] is part else self._innovations(part)
+            use = np.flatnonzero(found.visible & (found.distance2 < GATE2))
+            self.used += len(use)
+            self.refused += len(which) - len(use)
             self.surprise += float(found.distance2[use].sum())
-            if not use.any():
-                continue
-            self.version += 1
-            if teaches[index[0]]:
-                rows = found.rows(np.flatnonzero(use))
-                self._correct(h[rows], found.covariance[np.ix_(rows, rows)], found.residual[rows])
-            else:
-                self._update_others(found, h, own, np.flatnonzero(use))
+            rows = found.rows(use)
+            if len(use) and teaches[which[0]]:
+                h = part.base.reshape(-1, len(self.mean))[rows]
+                self._correct(h, found.covariance[rows[:, None], rows], found.residual[rows])
+            elif len(use):
+                self._update_others(found, part, use)
 
     def _update_by_range(self) -> None:
         """Take the newest reading of a rangefinder, at most a few in a second: they see the same ground again."""
@@ -297,6 +300,7 @@ class LiveFilter:
 
     def _correct(self, h: Array, s: Array, r: Array) -> None:
         """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,)."""
+        self._change()
         carried = self.covariance @ h.T  # (n, m)
         gain = np.linalg.solve(s, carried.T).T
         gain[: self.size] = 0.0
@@ -307,28 +311,24 @@ class LiveFilter:
         self.covariance = 0.5 * (c + c.T)
         self.others.follow(h, s, r, carried, gain)
 
-    def _update_others(self, found: FramePrediction, h: Array, own: Array, use: Ints) -> None:
+    def _update_others(self, found: FramePrediction, pairs: LinearisedPairs, use: Ints) -> None:
         m = len(found.target)
+        self._change()
         for i in use.tolist():
-            rows = [i, i + m]
-            s = found.covariance[np.ix_(rows, rows)]
-            self.others.update(int(found.target[i]), own[..., i], h[rows], s, found.residual[rows], self.covariance)
+            s, residual = found.covariance[[[i], [i + m]], [i, i + m]], found.residual[[i, i + m]]
+            self.others.update(int(found.target[i]), pairs.own[..., i], pairs.base[:, i], s, residual, self.covariance)
 
-    def places(self) -> tuple[Array, Array, Array]:
-        """Of all `targets`: means (T, 5), covariances (T, 5, 5), and covariances (T, 5, n) with the base state.
+    def places(self) -> Iterator[tuple[list[int], Array, Array, Array]]:
+        """Of teaching targets and of others: numbers, means (T, k), covariances (T, k, k) and (T, k, n) with the base.
 
-        A state is north, east, height above the surface, and the velocity north and east.
+        A state is north, east, height above the surface; of others also the velocity north and east.
         """
-        block = np.array([*self.at.values()], np.int64)[:, None] + np.arange(TARGET_SIZE)
-        own = self.covariance[block[:, :, None], block[:, None, :]]
-        taught = SchmidtTargets.of_solve(self.targets[: len(block)], self.mean[block], own, self.covariance[block])
-        if not self.others.at:
-            return taught.mean, taught.covariance, taught.cross
-        return (
-            np.concatenate([taught.mean, self.others.mean]),
-            np.concatenate([taught.covariance, self.others.covariance]),
-            np.concatenate([taught.cross, self.others.cross]),
-        )
+        if self.at:
+            block = np.array([*self.at.values()], np.int64)[:, None] + np.arange(TARGET_SIZE)
+            own = self.covariance[block[:, :, None], block[:, None, :]]
+            yield [*self.at], self.mean[block], own, self.covariance[block]
+        if self.others.at:
+            yield [*self.others.at], self.others.mean.copy(), self.others.covariance.copy(), self.others.cross
 
     def place(self, target: int) -> tuple[Array, Array]:
         """Mean (3,) and covariance (3, 3) of a target: north, east, height above the surface."""
@@ -338,12 +338,3 @@ class LiveFilter:
     def cross(self, target: int) -> Array:
         """Covariance (3, n) of a target with the base state."""
         return np.asarray(self.state(target)[2][:TARGET_SIZE])
-
-    def vehicle_rows(self, t: float, velocity: Array) -> tuple[Array, Array]:
-        """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
-        keep, added = aged(self.wanders, self.growth, t - self.t)
-        added = added + sum(step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t)
-        a = np.zeros((3, len(self.mean)))
-        a[np.arange(3), self._errors] = keep
-        a[:, POSITION_DELAY] = -velocity
-        return a, added

@@ -38,7 +38,7 @@ LEAST_COSINE = 0.05
 LEAST_DEPRESSION = 0.15
 
 _ROLL_AXIS = np.array([[1.0], [0.0], [0.0]])
-_TURNING = np.array([CAMERA_DELAY, HEADING, ROLL, PITCH])
+_HEIGHT_IS_UP = np.array([[1.0], [1.0], [-1.0]])  # of down
 
 
 class Poses(NamedTuple):
@@ -89,12 +89,12 @@ def project(
     sight += lever  # the reported lever is too large by the error: the true camera is nearer to the position by it
     height = sight[2].copy()
 
-    to_carrier = np.swapaxes(poses.rotation, 0, 1)  # (3, 3, N)
     bearing = float(shared[HEADING]) + (float(shared[GIMBAL_HEADING]) if len(shared) == GIMBAL_SHARED else 0.0)
     # The true attitude is the reported one turned back by the heading's error: v = R' Rz(error) sight.
     cos, sin = math.cos(bearing), math.sin(bearing)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    turned_axes = np.einsum("ijn,jk->ikn", to_carrier, turn)  # (3, 3, N) NED axes, turned, in carrier axes
+    ned_axes = (turn.T @ poses.rotation.reshape(3, -1)).reshape(poses.rotation.shape)
+    turned_axes = ned_axes.swapaxes(0, 1)  # (3, 3, N) NED axes, turned, in carrier axes
     v = apply(turned_axes, sight)  # (3, M) camera to target by the reported attitude
 
     axes = np.empty((3, 4, poses.rotation.shape[2]))  # carrier axes about which four errors turn v
@@ -104,20 +104,22 @@ def project(
     mount, mount_jacobian = rotation_and_jacobian(shared[MOUNT])
     x = mount @ v  # reported mount = Exp(error) true mount: the nominal camera's directions are turned by the error
 
-    depth = (x * rays).sum(0)
-    visible = depth > LEAST_COSINE * np.sqrt((x * x).sum(0))
-    depth = np.where(visible, depth, 1.0)
+    depth = np.einsum("in,in->n", x, rays)
+    visible = depth > LEAST_COSINE * np.sqrt(np.einsum("in,in->n", x, x))
+    all_visible = bool(visible.all())
+    if not all_visible:
+        depth = np.where(visible, depth, 1.0)
     offset = apply(tangents, x) / depth  # (2, M)
     by_x = (tangents - offset[:, None] * rays) / depth  # (2, 3, M) standardised per metre of x
-    by_v = np.tensordot(by_x, mount, axes=(1, 0)).swapaxes(1, 2)  # (2, 3, M)
+    by_v = mount.T @ by_x  # (2, 3, M)
     by_ned = apply(by_v, turned_axes)  # (2, 3, M)
 
     columns = np.empty((2, len(shared), count))
-    columns[:, _TURNING] = apply(by_v, turns)
+    turned = apply(by_v, turns)  # (2, 4, M)
+    columns[:, CAMERA_DELAY], columns[:, HEADING : PITCH + 1] = turned[:, 0], turned[:, 1:]
     columns[:, MOUNT] = apply(by_x, crosses(x, mount_jacobian[..., None]))
-    point = by_ned.copy()
-    point[:, 2] *= -1.0  # height is up
-    moved = (point * poses.calm_velocity).sum(1)  # (2, M) by a second of the vehicle's motion
+    point = by_ned * _HEIGHT_IS_UP
+    moved = apply(point, poses.calm_velocity)  # (2, M) by a second of the vehicle's motion
     # The pose is that of stamp - delay: a later delay turns the carrier back and moves it back.
     columns[:, CAMERA_DELAY] += moved
     columns[:, READOUT] = columns[:, CAMERA_DELAY] * row
@@ -129,7 +131,8 @@ def project(
         # Stamps of the gimbal that are late: the attitude of an instant is stored later, at + delay.
         own = poses.rate if poses.own_rate is None else poses.own_rate
         columns[:, GIMBAL_DELAY] = -apply(by_v, crosses(v, own[:, None]))[:, 0]
-    columns[..., ~visible], point[..., ~visible], offset[:, ~visible] = 0.0, 0.0, 0.0
+    if not all_visible:
+        columns[..., ~visible], point[..., ~visible], offset[:, ~visible] = 0.0, 0.0, 0.0
     return Projection(-offset, visible, height, columns, point)
 
 

@@ -89,17 +89,17 @@ class PathSamples:
         Beyond the ends the cubic goes on for one gap between samples at most. It does not bridge a step of the report.
         """
         times, values = self.buffer.times, self.buffer.values
-        i = (times.searchsorted(t) - 1).clip(0, len(times) - 2)
-        a, b, h = values.take(i, 1), values.take(i + 1, 1), times[i + 1] - times[i]
-        s = (t - times[i]) / h
-        inside = s.clip(-1.0, 2.0)
-        p0, p1, v0, v1 = _hermite(inside, h)
-        velocities = a[3:] + s.clip(0.0, 1.0) * (b[3:] - a[3:])
+        i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
+        a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
+        h = times.take(i + 1) - begin
+        s = (t - begin) / h
+        p0, p1, v0, v1 = _hermite(np.minimum(np.maximum(s, -1.0), 2.0), h)
+        velocities = a[3:] + np.minimum(np.maximum(s, 0.0), 1.0) * (b[3:] - a[3:])
         position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6]
         for step in self.breaks:  # the report has not stepped yet: on by the velocity
             between = (t > step.before) & (t < step.after)
             if between.any():
-                position[:, between] = (a[:3] + a[3:6] * (t - times[i]))[:, between]
+                position[:, between] = (a[:3] + a[3:6] * (t - begin))[:, between]
         return position, velocities[:3], velocities[3:]
 
 
@@ -107,7 +107,8 @@ def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
     """Weights of the two positions and the two velocities at the part s of a gap h."""
     s2 = s * s
     later = s2 * (3.0 - 2.0 * s)
-    return 1.0 - later, later, s * (1.0 - s) ** 2 * h, s2 * (s - 1.0) * h
+    rest = 1.0 - s
+    return 1.0 - later, later, s * rest * rest * h, -s2 * rest * h
 
 
 class CarrierRates(NamedTuple):
@@ -191,10 +192,12 @@ class Carrier:
         position, velocity, calm = self.path.at(t)
         if self.gimbal is not None:  # its errors are about its own axes, also where it looks straight down
             return Poses(rotation, position, velocity, calm, rates.whole, _RIGHT, rates.own)
+        right, down = rotation[2, 2], -rotation[2, 1]
+        size = np.sqrt(right * right + down * down)
         level = np.zeros_like(position)
-        level[1], level[2] = rotation[2, 2], -rotation[2, 1]
-        size = np.sqrt((level * level).sum(0))
-        level = np.where(size > 1e-6, level / np.maximum(size, 1e-6), _RIGHT)  # vertical: the carrier's own axis
+        level[1], level[2] = right / np.maximum(size, 1e-6), down / np.maximum(size, 1e-6)
+        if size.min() <= 1e-6:  # vertical: the carrier's own axis
+            level[:, size <= 1e-6] = _RIGHT
         return Poses(rotation, position, velocity, calm, rates.whole, level)
 
     def _rotation(self, t: Array, shift: float) -> Array:
@@ -207,11 +210,6 @@ class Carrier:
         forward = matrices(self.body.quaternions(t))[:2, 0]  # (2, N) the nose
         cos, sin = forward / np.maximum(np.hypot(*forward), 1e-6)
         return np.stack([cos * own[0] - sin * own[1], sin * own[0] + cos * own[1], own[2]])
-
-    def pose(self, t: float, attitude_shift: float = 0.0) -> Poses:
-        """The pose at one instant (N = 1), rates with the share of motion that was last found."""
-        instants = np.array([t])
-        return self.poses(instants, self.live_rates(instants, attitude_shift), attitude_shift)
 
 
 _LEAST_LEVEL2 = 0.01  # squared cosine of the pitch: nose up within 6 degrees there is no heading

@@ -129,6 +129,32 @@ class SchmidtTargets:
         """Regressions (P, 3, n) of the targets' places on the base state with covariance (n, n)."""
         return np.asarray(self.cross[which, :TARGET_SIZE] @ _inverse(base))
 
+    def add_innovations(
+        self, covariance: Array, h: Array, targets: Ints, own: Array, index: Ints, base: Array
+    ) -> None:  # fmt: skip
+        """Add what these targets contribute to the innovation covariance (2 M, 2 M) of a frame's pairs, in place.
+
+        h: (2 M, n) derivatives by the base state; targets: (M,) numbers; own: (2, 3, M) derivatives by the places;
+        index: (P,) pairs of these targets; base: (n, n) covariance.
+        """
+        o = np.array([self.at[k] for k in targets[index].tolist()], np.int64)
+        rows = np.stack([index, index + len(targets)], 1).ravel()  # (2 P,)
+        seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
+        by_base = seen @ self.cross[o, :TARGET_SIZE]  # (P, 2, n)
+        carried = by_base.reshape(len(rows), -1) @ h.T  # (2 P, 2 M)
+        covariance[rows] += carried
+        covariance[:, rows] += carried.T
+        # Two of them have in common what the base state explains; of itself a target knows more.
+        same = o[:, None] == o
+        common = np.zeros((len(rows), len(rows)))
+        if not same.all():
+            gains = seen @ self.gains(o, base)  # (P, 2, n)
+            common = gains.reshape(len(rows), -1) @ by_base.reshape(len(rows), -1).T
+        for i, j in np.argwhere(same).tolist():
+            whole = seen[i] @ self.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE] @ seen[j].T
+            common[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = whole
+        covariance[rows[:, None], rows] += common
+
     def predict(self, dt: float) -> None:
         """Move the moving ones by their velocity, with white acceleration."""
         if not self.moves.any():

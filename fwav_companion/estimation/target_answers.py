@@ -5,39 +5,60 @@ from __future__ import annotations
 import numpy as np
 
 from fwav_companion.estimation.answers import TargetAnswer
-from fwav_companion.estimation.errors import HEIGHT, Array
+from fwav_companion.estimation.errors import HEIGHT, POSITION_DELAY, Array
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.live_filter import LiveFilter
-from fwav_companion.estimation.path_samples import PathSamples
+from fwav_companion.estimation.wander import aged
+
+_AXES = np.arange(3)
+_STILL = np.zeros(2), np.zeros((2, 2))  # velocity of a static target, and its covariance
 
 
 def target_answers(live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
     """All targets at the instant t: together they cost little more than one."""
-    position, velocity = reported_motion(live.carrier.path, t)
-    rows, added = live.vehicle_rows(t, velocity)
+    motion = live.poses.motion(t)
+    rows, added = _vehicle_rows(live, t, motion.velocity)
     (level, _), (up, _) = live.carrier.path.noise
-    vehicle = position - rows @ live.mean
+    vehicle = motion.at(t) - rows @ live.mean
     rows[2, HEIGHT] = 1.0
     vehicle[2] -= live.mean[HEIGHT]
-    common = rows @ live.covariance @ rows.T + np.diag(added + np.array([level, level, up]) ** 2)
-    mean, covariance, cross = live.places()  # (T, 5), (T, 5, 5), (T, 5, n)
+    common = rows @ live.covariance @ rows.T
+    common[_AXES, _AXES] += added + np.array([level * level, level * level, up * up])
+    answers = {}
+    for numbers, mean, covariance, cross in live.places():
+        place, own, by_base = _places_at(live, t, mean, covariance, cross)
+        seen = by_base @ rows.T  # (T, 3, 3)
+        relative = own + seen + seen.swapaxes(1, 2) + common
+        moves = mean.shape[1] > TARGET_SIZE
+        for i, k in enumerate(numbers):
+            velocity = (mean[i, TARGET_SIZE:], covariance[i, TARGET_SIZE:, TARGET_SIZE:]) if moves else _STILL
+            answers[k] = TargetAnswer(place[i], own[i], place[i] - vehicle, relative[i], *velocity)
+    return answers
+
+
+def _vehicle_rows(live: LiveFilter, t: float, velocity: Array) -> tuple[Array, Array]:
+    """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
+    keep, added = aged(live.wanders, live.growth, t - live.t)
+    rows = np.zeros((TARGET_SIZE, len(live.mean)))
+    rows[_AXES, live.errors] = keep
+    rows[:, POSITION_DELAY] = -velocity
+    return rows, added + live.steps(t)
+
+
+def _places_at(live: LiveFilter, t: float, mean: Array, covariance: Array, cross: Array) -> tuple[Array, Array, Array]:
+    """Places (T, 3) north, east, height at t, covariances (T, 3, 3), and with the base state (T, 3, n).
+
+    mean: (T, k) states of three or five; covariance: (T, k, k); cross: (T, k, n).
+    """
     ground, slope = live.model.ground.height(mean[:, :2].T)
-    lift = np.zeros((len(mean), TARGET_SIZE, mean.shape[1]))  # places at t by the states
-    lift[:, :, :TARGET_SIZE] = np.eye(TARGET_SIZE)
+    place, count = mean[:, :TARGET_SIZE].copy(), mean.shape[1]
+    place[:, 2] += ground
+    if t == live.t and not slope.any():
+        return place, covariance[:, :TARGET_SIZE, :TARGET_SIZE], cross[:, :TARGET_SIZE]
+    lift = np.zeros((len(mean), TARGET_SIZE, count))  # places at t by the states
+    lift[:, _AXES, _AXES] = 1.0
     lift[:, 2, :2] = slope.T
-    lift[:, 0, 3] = lift[:, 1, 4] = t - live.t
-    place = (lift @ mean[..., None])[..., 0]
-    place[:, 2] = mean[:, 2] + ground
-    own, seen = lift @ covariance @ lift.swapaxes(1, 2), lift @ (cross @ rows.T)  # (T, 3, 3) each
-    relative = own + seen + seen.swapaxes(1, 2) + common
-    return {
-        k: TargetAnswer(place[i], own[i], place[i] - vehicle, relative[i], mean[i, 3:], covariance[i, 3:, 3:])
-        for i, k in enumerate(live.targets.tolist())
-    }
-
-
-def reported_motion(path: PathSamples, t: float) -> tuple[Array, Array]:
-    """Reported position (3,) and velocity (3,) at t, carried on by the velocity beyond the newest sample."""
-    last = min(t, path.newest)
-    position, velocity, _ = path.at(np.array([last]))
-    return position[:, 0] + velocity[:, 0] * (t - last), velocity[:, 0]
+    if count > TARGET_SIZE:
+        place[:, :2] += (t - live.t) * mean[:, TARGET_SIZE:]
+        lift[:, 0, 3] = lift[:, 1, 4] = t - live.t
+    return place, lift @ covariance @ lift.swapaxes(1, 2), lift @ cross

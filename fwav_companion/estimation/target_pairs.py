@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Bools, Ints
-from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.measurement import feet
@@ -33,7 +32,7 @@ def near_pairs(live: LiveFilter, s: Sightings, targets: Ints, alike: Bools) -> t
 def _ground_points(live: LiveFilter, s: Sightings) -> Array:
     """Ground points (2, D) of a frame's detections at the present calibration."""
     shared, error = live.mean[: live.size], live.mean[live.error :, None]
-    poses = live.poses(s, np.arange(len(s)))
+    poses = live.poses.of(s, np.arange(len(s)))
     ground = live.model.ground.height(poses.position[:2])[0]
     place, _ = feet(poses, s.rays, shared, error, float(ground.mean()))
     return place
@@ -44,20 +43,14 @@ def separation2(live: LiveFilter, one: int, other: int) -> tuple[float, float]:
 
     The errors that both share cancel: two targets may be far nearer to each other than each to its place.
     """
-    (a, aa, _, _), (b, bb, _, _) = live.state(one), live.state(other)
-    cross = _between(live, one, other)[:2, :2]
+    (a, aa, a_base, _), (b, bb, b_base, _) = live.state(one), live.state(other)
+    if one in live.at:
+        cross = b_base[:2, live.at[one] : live.at[one] + 2].T
+    elif other in live.at:
+        cross = a_base[:2, live.at[other] : live.at[other] + 2]
+    else:  # what two Schmidt targets have in common is what the base state explains
+        gain = live.others.gains(np.array([live.others.at[one]]), live.covariance)[0]
+        cross = gain[:2] @ b_base[:2].T
     covariance = aa[:2, :2] + bb[:2, :2] - cross - cross.T
     difference = a[:2] - b[:2]
     return float(difference @ np.linalg.solve(covariance, difference)), float(np.trace(covariance))
-
-
-def _between(live: LiveFilter, one: int, other: int) -> Array:
-    """Covariance (3, 3) of two targets; what two Schmidt targets have in common is what the base state explains."""
-    if one in live.at:
-        i = live.at[one]
-        return np.asarray(live.cross(other)[:, i : i + TARGET_SIZE].T)
-    if other in live.at:
-        i = live.at[other]
-        return np.asarray(live.cross(one)[:, i : i + TARGET_SIZE])
-    gain = live.others.gains(np.array([live.others.at[one]]), live.covariance)[0]
-    return np.asarray(gain @ live.cross(other).T)

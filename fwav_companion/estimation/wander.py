@@ -35,6 +35,7 @@ _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the 
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
+_KEPT = np.ones(3)
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
 
@@ -125,7 +126,7 @@ def aged(wanders: tuple[Wander, Wander], growth: Array, dt: float) -> tuple[Arra
     grows as the kernel says: a walk that is right from frame to frame is too slow for wanders with a finite rate.
     """
     if dt < SHORT_S:
-        return np.ones(3), growth * max(dt, 0.0)
+        return _KEPT, growth * max(dt, 0.0)
     (a, b), (c, d) = (w.covariance(np.array([0.0, dt])).tolist() for w in wanders)
     start, later = np.array([a, a, c]), np.array([b, b, d])
     start = np.maximum(start, 1e-12)

@@ -8,7 +8,7 @@ from simulated_flight import Flight
 
 from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.initiation import best_clustering, cluster, quarter_turns
+from fwav_companion.estimation.initiation import cluster, quarter_turns, sight_poses
 from fwav_companion.estimation.kept_sightings import Sightings, joined
 
 TARGETS = ((1.0, 2.0), (-1.5, 1.0), (2.0, -2.0))
@@ -36,6 +36,12 @@ def turned(s, vector):
     return Sightings(s.t, rotation @ s.rays, np.einsum("ian,ba->ibn", s.tangents, rotation), s.frame, s.target, s.row)
 
 
+def clustered(estimator, s, shared, turn=None, sigma2=1e-8, **options):
+    """Clusters at shared parameters that are known but for this variance."""
+    poses = sight_poses(estimator.carrier, s, shared)
+    return cluster(estimator.model, poses, s, shared, np.eye(13) * sigma2, np.zeros(3), turn, **options)
+
+
 def purity(found, s):
     """Share of the clustered detections that belong to their cluster's most frequent target."""
     right = sum(np.bincount(s.target[c.members]).max() for c in found.clusters)
@@ -46,7 +52,7 @@ def test_clusters_at_the_true_calibration_are_the_targets(seen):
     estimator, s = seen
     shared = np.zeros(13)
     shared[0] = 0.04
-    found = cluster(estimator.model, estimator.carrier, s, shared, np.diag(np.full(13, 1e-8)), np.zeros(3))
+    found = clustered(estimator, s, shared)
     assert len(found.clusters) == 3
     assert purity(found, s) > 0.98
     places = sorted(tuple(c.place) for c in found.clusters)
@@ -54,13 +60,26 @@ def test_clusters_at_the_true_calibration_are_the_targets(seen):
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2, 3])
-def test_turned_mount_is_found_before_the_first_solve(seen, turn):
+def test_turned_mount_explains_most_detections_before_the_first_solve(seen, turn):
     estimator, s = seen
-    turns = quarter_turns(DOWN)
-    found = best_clustering(estimator.model, estimator.carrier, turned(s, turns[turn]), (0.0, 0.04), turns[:4])
-    assert found.turn == pytest.approx(turns[turn])
-    assert found.shared[0] == 0.04
-    assert purity(found, s) > 0.9
+    turns, prior = quarter_turns(DOWN)[:4], estimator.model.priors.sigma**2
+    seen_turned = turned(s, turns[turn])
+    found = [clustered(estimator, seen_turned, np.zeros(13), each, np.diag(prior)) for each in turns]
+    best = max(found, key=lambda each: each.score)
+    assert best.turn == pytest.approx(turns[turn])
+    assert purity(best, seen_turned) > 0.9
+
+
+def test_clustering_that_cannot_beat_a_score_ends_and_one_that_can_is_unchanged(seen):
+    estimator, s = seen
+    shared, turns = np.zeros(13), quarter_turns(DOWN)
+    shared[0] = 0.04
+    right = clustered(estimator, s, shared)
+    wrong = clustered(estimator, s, shared, turns[1], beats=right.score)
+    assert not wrong.clusters
+    assert wrong.score < right.score
+    again = clustered(estimator, s, shared, beats=right.score - 1.0)
+    assert again.score == right.score
 
 
 def test_quarter_turns_are_different_rotations():
@@ -77,6 +96,6 @@ def test_one_detection_of_a_frame_joins_a_cluster_once(seen):
     twice = joined([s.select(s.frame == k) for k in np.unique(s.frame).repeat(2)])
     shared = np.zeros(13)
     shared[0] = 0.04
-    found = cluster(estimator.model, estimator.carrier, twice, shared, np.diag(np.full(13, 1e-8)), np.zeros(3))
+    found = clustered(estimator, twice, shared)
     for c in found.clusters:
         assert len(np.unique(twice.frame[c.members])) == len(c.members)

@@ -17,14 +17,13 @@ def walked(monkeypatch):
                     targets=((1.0, 2.0), (-1.5, 1.0), (-3.0, 0.0)),
                     velocities=((0.0, 0.0), (0.0, 0.0), (0.5, 0.1)), labels=("",) * 3)  # fmt: skip
     planted = Planted(flight, np.array([0.03, 0.01, -0.01, *[0.0] * 9]))
-    update = Estimator.update
 
     def apart(self, s):
         if self.begin(float(s.t[0])) and WALKER in s.target and WALKER not in self.live:
             self.live.predict(float(s.t[0]))
             begin_target(self.live, WALKER, s.select(s.target == WALKER), moving=True)
         else:
-            update(self, s, s.target != WALKER)
+            self.update_pairs(s, np.arange(len(s)), s.target, s.target != WALKER)
 
     monkeypatch.setattr(Estimator, "update", apart)
     return planted, flown(planted, priors())

@@ -84,7 +84,7 @@ class FlightSamples:
     def feed(self, estimator: Estimator, reference: GroundReference) -> None:
         """Hand over what came since. ``reference``: the source of heights."""
         for sample in self._source.attitudes_after(self._attitude_ns):
-            estimator.add_attitude(s_from_ns(sample.boot_ns), np.array(sample.ned_from_body))
+            estimator.add_attitude(s_from_ns(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
         if self._has_gimbal:
             self._feed_gimbal(estimator)
@@ -173,7 +173,7 @@ class FlightSamples:
                 return
             heading = heading_only(matrix_from_quaternion(state.ned_from_body))
             q = multiply(conjugate(heading) if reported.from_north else heading, q)
-        estimator.add_gimbal_attitude(t, np.array(q))
+        estimator.add_gimbal_attitude(t, q)
 
 
 def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:

@@ -15,10 +15,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fwav_companion.estimation.array_rotations import rotation_and_jacobian
-from fwav_companion.estimation.errors import Array
+from fwav_companion.estimation.errors import CAMERA_DELAY, MOUNT, Array
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.initiation import Clustering, cluster, quarter_turns
+from fwav_companion.estimation.initiation import Clustering, cluster, quarter_turns, sight_poses
 from fwav_companion.estimation.kept_sightings import Sightings, joined, spread
+from fwav_companion.estimation.measurement import Poses
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.self_calibration.named_mounts import named
@@ -30,7 +31,7 @@ MOST_KEPT = 240
 MOST_JUDGED, LEAST_JUDGED = 60, 24
 """Most and least sights of one label that are judged, evenly over those that are kept."""
 FRESH = 8
-"""New sights between two judgements."""
+"""Frames with new sights between two judgements."""
 AXIS = 2
 """The camera looks along its z axis."""
 
@@ -40,6 +41,7 @@ class JudgedTurns:
     """Hypotheses under judgement: the same sights under one turn after the other."""
 
     sights: Sightings
+    poses: Poses
     turns: tuple[Array, ...]
     found: tuple[Clustering, ...] = ()
 
@@ -69,38 +71,38 @@ class MountTurns:
         self._last_ns, self.body_from_camera = host_ns, mount
         for i, label in enumerate(labels):
             self._kept.append((label, sights.select(np.array([i]))))
-        self._fresh += len(labels)
+        self._fresh += 1
 
     def judge(self, estimator: Estimator) -> None:
         """Try one hypothesis; with the last one, judge."""
-        if self._judged is None and not self._start():
-            return
-        judged = self._judged
-        if judged is None or not estimator.carrier.ready:
+        judged = self._judged or self._started(estimator)
+        if judged is None:
             return
         turn = judged.turns[len(judged.found)]
         priors, noise = estimator.model.priors, estimator.model.noise
         found = cluster(
-            estimator.model, estimator.carrier, judged.sights, priors.mean, np.diag(priors.sigma**2), np.zeros(3), turn,
-            wander_m=noise.position_wander_m,
+            estimator.model, judged.poses, judged.sights, priors.mean, np.diag(priors.sigma**2), np.zeros(3), turn,
+            wander_m=noise.position_wander_m, beats=max([each.score for each in judged.found], default=-np.inf),
         )  # fmt: skip
         self._judged = replace(judged, found=(*judged.found, found))
         if len(judged.found) + 1 == len(judged.turns):
             self._conclude(self._judged)
             self._judged = None
 
-    def _start(self) -> bool:
-        """Begin a judgement of the label that is seen most, where there are enough new sights."""
-        if self._fresh < FRESH or self.body_from_camera is None or not self._kept:
-            return False
+    def _started(self, estimator: Estimator) -> JudgedTurns | None:
+        """A judgement of the label that is seen most, where there are enough new sights and the mount is not known."""
+        if self._fresh < FRESH or self.body_from_camera is None or not estimator.carrier.ready:
+            return None
         label, count = Counter(label for label, _ in self._kept).most_common(1)[0]
         if count < LEAST_JUDGED:
-            return False
+            return None
         self._fresh = 0
+        if not self.mistake and _shows_mount(estimator):
+            return None
         sights = spread(joined([s for each, s in self._kept if each == label]), MOST_JUDGED, -np.inf)
         axis = np.array(self.body_from_camera)[:, AXIS]
-        self._judged = JudgedTurns(sights, tuple(quarter_turns(axis)))
-        return True
+        poses = sight_poses(estimator.carrier, sights, estimator.model.priors.mean)
+        return JudgedTurns(sights, poses, tuple(quarter_turns(axis)))
 
     def _conclude(self, judged: JudgedTurns) -> None:
         configured, best = judged.found[0], max(judged.found, key=lambda found: found.score)
@@ -113,3 +115,10 @@ class MountTurns:
         both = configured.meets & best.meets
         off = (configured.places - best.places)[:, both]
         self.misplaced_m = float(np.sqrt(0.5 * (off * off).sum(0).mean())) if both.any() else 0.0
+
+
+def _shows_mount(estimator: Estimator) -> bool:
+    """Whether the flight itself shows delay and mount, as configured: then the camera is not turned."""
+    statuses = estimator.self_calibration()
+    shown = all(statuses[i].is_known for i in (CAMERA_DELAY, *range(MOUNT.start, MOUNT.stop)))
+    return shown and all(each.status != "contradicts" for each in statuses)

@@ -85,9 +85,11 @@ def frame_pairs(
     clutter_llr = [against.llr_of(fix) + against.detection_odds for fix in fixes]
     if prediction is None:
         return FramePairs(fixes, against, {}, {}, clutter_llr)
-    certain = prediction.unambiguous(np.array([k in steady for k in prediction.target.tolist()], np.bool_))
-    given = prediction.given(certain) if 0 < len(certain) < len(prediction.target) else prediction
-    alone, gates = _results(prediction, own), _results(given, own)
+    alone = gates = _results(prediction, own)
+    if len(prediction.target) > 1:
+        certain = prediction.unambiguous(np.array([k in steady for k in prediction.target.tolist()], np.bool_))
+        if 0 < len(certain) < len(prediction.target):
+            gates = _results(prediction.given(certain), own)
     return FramePairs(fixes, against, gates, alone, clutter_llr)
 
 

@@ -121,7 +121,8 @@ class FrameTracks:
         branched = {t.branch_of for t in tracks if t.branch_of and by_id[t.branch_of].life.state is TrackState.COASTING}
         alike &= np.array([track.id not in branched for track in tracks], np.bool_)
         targets = np.array([track.id for track in tracks], np.int64)
-        prediction = state.estimator.predict(sights, targets, alike)
+        still = {track: each.number for track, each in state.still.items()}
+        prediction = state.estimator.predict(sights, targets, alike, still)
         steady = {t.id for t in tracks if is_steady(t.life, view.host_ns)}
         pairs = self._pairs = frame_pairs(view.fixes, prediction, steady, self._against)
         self._answers.gates = pairs.alone

@@ -125,10 +125,13 @@ class FrameAnswers:
         return self._targets[key]
 
     def _target(self, track: SmoothedTrack) -> SmoothedTarget | None:
-        answer = self._estimator.answer(track.id, self.t)
-        if answer is None:
+        answer, live = self._estimator.answer(track.id, self.t), self._estimator.live
+        if answer is None or live is None:
             return None
-        vehicle = self._vehicle_ned or self._estimator.reported_ned(self.t)
+        vehicle = self._vehicle_ned
+        if vehicle is None:
+            north, east, height = live.poses.motion(self.t).at(self.t).tolist()
+            vehicle = (north, east, -height)
         return SmoothedTarget(self, track.id, answer, vehicle, self._lever_ned, track.last_fix, track.moving)
 
     def point_height_m(self, target: int) -> float:

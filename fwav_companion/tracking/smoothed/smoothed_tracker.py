@@ -225,7 +225,7 @@ class SmoothedTracker:
         after = frame.updated(before, sights)
         tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
         if sights is not None:
-            teach(state, view, sights, tracks, self._priors)
+            teach(state, view, sights, tracks, self._priors, answers.gates)
             teach_displaced(state, sights, frame.displaced, tracks)
         tracks = frame.continued(tracks)
         if taken_over:
@@ -309,10 +309,10 @@ class SmoothedTracker:
         path, noise = estimator.carrier.path, estimator.model.noise
         if vehicle.position_bias_m is not None:
             path.add_accuracy(s_from_ns(view.boot_ns), vehicle.position_bias_m)
-        worst_m = max((each.sigma_m for each in path.accuracies), default=noise.position_wander_m)
+        worst_m = max([each.sigma_m for each in path.accuracies], default=noise.position_wander_m)
         stamp_sigma_s = max(STAMP_SIGMA_S, vehicle.stamp_sigma_s)
-        new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
-        if new != noise:
+        if (worst_m, stamp_sigma_s) != (noise.position_wander_m, noise.stamp_jitter_s):
+            new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
             estimator.model = replace(estimator.model, noise=new)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:

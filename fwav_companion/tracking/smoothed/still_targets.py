@@ -7,7 +7,7 @@ starts again, and its measurements so far are left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -18,6 +18,7 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState, StillTarget
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
+from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
 PATIENCE_NS = 6 * NS_PER_S
 """Least time within the static gate before a target teaches, ns: a walking person leaves the gate within seconds."""
@@ -30,20 +31,17 @@ MOST_WAITING = 256
 
 
 def still_sightings(
-    state: SmoothedState, seen: Sequence[tuple[int, SmoothedTrack]], sights: Sightings, host_ns: HostNs
-) -> list[tuple[int, int, bool]]:
+    state: SmoothedState, seen: Sequence[tuple[int, SmoothedTrack]], sights: Sightings, host_ns: HostNs,
+    gates: Mapping[tuple[int, int], GateResult],
+) -> list[tuple[int, int, bool]]:  # fmt: skip
     """The rows of a frame's sightings that are also of a still target: index, its number, whether it teaches.
 
-    ``seen``: confirmed tracks that may move, each with the index of its sighting.
+    ``seen``: confirmed tracks that may move, each with the index of its sighting. ``gates``: by target and that index.
     """
-    live = state.estimator.live
-    if live is None:
-        return []
     known = [(i, track, still) for i, track in seen if (still := state.still.get(track.id)) is not None]
-    refused = _refused(state, [(i, still.number) for i, _, still in known], sights)
     rows = []
     for i, track, still in known:
-        if still.number in refused:
+        if gates.get((still.number, i), OUTSIDE_GATE).nis >= GATE2:
             state.still[track.id] = msgspec.structs.replace(still, refused=still.refused + 1)
             if still.refused + 1 >= REFUSED:
                 _end(state, track.id)
@@ -66,18 +64,6 @@ def still_sightings(
         if track.id not in state.still:
             _begin(state, track, sights.select(np.array([i])), host_ns)
     return rows
-
-
-def _refused(state: SmoothedState, pairs: Sequence[tuple[int, int]], sights: Sightings) -> set[int]:
-    """The numbers of still targets whose sighting is outside their gate."""
-    if not pairs:
-        return set()
-    which, targets = (np.array(column, np.int64) for column in zip(*pairs, strict=True))
-    prediction = state.estimator.predict(sights.select(which), targets, np.eye(len(pairs), dtype=np.bool_))
-    if prediction is None:
-        return set()
-    outside = ~(prediction.visible & (prediction.distance2 < GATE2))
-    return set(prediction.target[outside].tolist())
 
 
 def _begin(state: SmoothedState, track: SmoothedTrack, own: Sightings, host_ns: HostNs) -> None:

@@ -17,15 +17,20 @@ from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.still_targets import still_sightings
 from fwav_companion.types import ErrorPriors, FrameView, TrackState
+from fwav_companion.types.tracks import GateResult
 
 MOST_WAITING = 64
 """Sightings of a tentative track that are kept for the solves."""
 
 
 def teach(
-    state: SmoothedState, view: FrameView, sights: Sightings, tracks: Sequence[SmoothedTrack], priors: ErrorPriors
-) -> None:
-    """Hand the frame's sightings to the live filter, and those of confirmed static tracks to the solves."""
+    state: SmoothedState, view: FrameView, sights: Sightings, tracks: Sequence[SmoothedTrack], priors: ErrorPriors,
+    gates: Mapping[tuple[int, int], GateResult],
+) -> None:  # fmt: skip
+    """Hand the frame's sightings to the live filter, and those of confirmed static tracks to the solves.
+
+    ``gates``: gating statistics of its pairs, by target and index of the fix.
+    """
     estimator, index = state.estimator, {id(fix): i for i, fix in enumerate(view.fixes)}
     surveyed = {sight.fix.sighting.index: sight for sight in view.landmarks}
     rows: list[tuple[int, int, bool]] = []
@@ -44,11 +49,11 @@ def teach(
             rows.append((i, track.id, teaches))
     moving = [(i, track) for i, track in seen if track.moving and track.confirmed]
     if moving:
-        rows += still_sightings(state, moving, sights, view.host_ns)
+        rows += still_sightings(state, moving, sights, view.host_ns, gates)
     if rows:
         rows.sort()
         which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
-        estimator.update(sights.select(which).with_targets(targets), teaching)
+        estimator.update_pairs(sights, which, targets, teaching)
 
 
 def teach_displaced(
