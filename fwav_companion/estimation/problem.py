@@ -71,7 +71,7 @@ class Model:
     noise: SampleNoise
     ground: GroundSurface
     targets: Mapping[int, TargetPrior]  # of landmarks, pads and roofs; others have `UNKNOWN_TARGET`
-    consider: bool = False  # shared parameters stay at their priors' means, with their share in every covariance
+    consider: bool = False  # answers hold the shared parameters at their priors
 
     def target(self, number: int) -> TargetPrior:
         """The prior of a target."""

@@ -112,8 +112,6 @@ def gauss_newton_step(
     deviation = problem.deviation(state)
     pulled = precision @ deviation
     information, gradient = equations.information + precision, equations.right - pulled
-    if problem.model.consider:
-        return _considering_step(problem, information, gradient)
     # Scaled to a unit diagonal: priors of 1e-7 beside places of a kilometre would lose all digits.
     scale = 1.0 / np.sqrt(information.diagonal())
     scaled = information * scale * scale[:, None]
@@ -134,24 +132,6 @@ def gauss_newton_step(
 def reported_unknowns(problem: Problem) -> Ints:
     """Indices of shared, targets and the newest knot's error."""
     return np.concatenate([np.arange(problem.errors_at), np.arange(problem.size - 3, problem.size)])
-
-
-def _considering_step(problem: Problem, information: Array, gradient: Array) -> Step:
-    """A step with the shared parameters considered (Schmidt 1966): they stay, and count in every covariance."""
-    s = problem.shared_size
-    inverse = np.linalg.inv(information[s:, s:])
-    sensitivity = -inverse @ information[s:, :s]  # (n - S, S) of the estimate to the shared parameters
-    sigma2 = problem.model.priors.sigma**2
-    step = np.zeros(problem.size)
-    step[s:] = inverse @ gradient[s:]
-    covariance = np.zeros((problem.size, problem.size))
-    covariance[:s, :s] = np.diag(sigma2)
-    covariance[s:, :s] = sensitivity * sigma2
-    covariance[:s, s:] = covariance[s:, :s].T
-    covariance[s:, s:] = inverse + covariance[s:, :s] @ sensitivity.T
-    now = reported_unknowns(problem)
-    log_det = float(np.linalg.slogdet(information[s:, s:])[1])
-    return Step(step, float(step @ gradient), covariance[np.ix_(now, now)], 0.0, log_det)
 
 
 def step_share(problem: Problem, projection: Projection, step: Array) -> float:

@@ -102,16 +102,31 @@ class SolveTask:
         end = np.arange(problem.errors_at, problem.errors_at + 3)
         index = np.concatenate([few, rows.ravel(), end])
         mean = np.concatenate([state.shared, state.targets.ravel(), state.errors[-1]])
-        few = np.concatenate([few, end])
+        few, covariance = np.concatenate([few, end]), step.covariance
+        if self.model.consider:
+            mean, covariance = self._considered(mean, covariance)
         count = np.bincount(problem.of_target, minlength=len(problem.ids))
         weights = np.bincount(problem.of_target, weighted.weight, len(problem.ids)) / np.maximum(count, 1)
         ids = problem.ids.tolist()
         return Estimate(
             self.t, state.shared, start.targets | dict(zip(ids, state.targets, strict=True)), knots, state.errors,
-            kernel, problem.ids[order], mean[index], step.covariance[np.ix_(index, index)],
+            kernel, problem.ids[order], mean[index], covariance[np.ix_(index, index)],
             step.covariance[np.ix_(few, few)], problem.wanders(kernel), float(weighted.weight.mean()),
             dict(zip(ids, weights.tolist(), strict=True)), modes, self.search, problem.surveys(),
         )  # fmt: skip
+
+    def _considered(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Mean (m,) and covariance (m, m) with the shared parameters considered (Schmidt 1966), at their priors.
+
+        Places and errors keep their marginal estimates, for which the parameters' effect is noise that all sightings
+        have in common: held in the solve as well, the position's error would absorb it (a target was 1.2 m off). An
+        estimate's error is independent of what the sightings show of the parameters, so its covariance with them stays
+        that of the joint estimate, while they are off by their whole priors.
+        """
+        priors, mean, covariance = self.model.priors, mean.copy(), covariance.copy()
+        mean[: len(priors)] = priors.mean
+        covariance[: len(priors), : len(priors)] = np.diag(priors.sigma**2)
+        return mean, covariance
 
     def _knots(self) -> Array:
         breaks = self.carrier.path.breaks

@@ -31,6 +31,9 @@ CAUSES: Final = {
 }
 """Shared parameters by cause of error, the gimbal's among them where there is one."""
 
+ROUNDING_M2: Final = 1e-12
+"""A smaller share is that of a prior of zero, which is a small one here."""
+
 
 def variance_shares(live: LiveFilter | None, target: int) -> dict[str, float]:
     """Variance (m^2) of a target by cause; empty where the filter does not hold it.
@@ -54,4 +57,4 @@ def _lost(own: Array, cross: Array, covariance: Array) -> float:
     """Horizontal variance (m^2) that a target (3, 3) loses if errors (k, k) are known; cross: (3, k) with them."""
     level = cross[:2]
     lost = float(np.trace(level @ np.linalg.pinv(covariance, hermitian=True) @ level.T))
-    return min(max(lost, 0.0), float(own[0, 0] + own[1, 1]))
+    return min(lost, float(own[0, 0] + own[1, 1])) if lost > ROUNDING_M2 else 0.0
