@@ -1,12 +1,13 @@
 """Messages of a vehicle's tracks: each covariance is split into its own biases, possibly common errors, and noise.
 
-PURE. The position part of a track is the difference of its covariance and that of the target relative to the vehicle.
-The sensitivities to heading and terrain are the means over the fixes, as in the track's own average.
+PURE. The smoother knows the errors that targets share. By another filter, the position part of a track is the
+difference of its covariance and that of the target relative to the vehicle, and the sensitivities to heading and
+terrain are the means over the fixes, as in the track's own average.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from math import degrees, isfinite, sqrt
 
 import msgspec
@@ -25,8 +26,9 @@ from fwav_companion.fleet.payloads import (
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, outer, scale
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add_matrices, outer, scale
 from fwav_companion.types import Bias, ErrorPriors, Situation, Track
+from fwav_companion.types.tracks import CommonErrors
 
 MOST_COUNTED = 300
 """Number of fixes after which the mean forgets: by then, the track's own average has long settled."""
@@ -61,11 +63,15 @@ class FleetTracks:
         self._seq = 0
 
     def messages(
-        self, tracks: Iterable[Track], situation: Situation, obstacle: str | None
+        self,
+        tracks: Iterable[Track],
+        situation: Situation,
+        obstacle: str | None,
+        common: Mapping[int, CommonErrors] | None = None,
     ) -> tuple[TracksMessage, StateMessage] | None:
         """Tracks and state; None without UTC, a global position or a known vehicle.
 
-        ``obstacle``: why the vehicle is not ready; None if it is ready.
+        ``obstacle``: why the vehicle is not ready; None if it is ready. ``common``: by the smoother, by track.
         """
         autopilot, plane = situation.autopilot, situation.plane
         if autopilot is None or situation.utc_minus_host_s is None or plane is None:
@@ -73,15 +79,11 @@ class FleetTracks:
         utc_s = situation.now_ns / 1e9 + situation.utc_minus_host_s
         name = self._options.vehicle or str(autopilot.system)
         believed = list(tracks)[:MAX_TRACKS]
-        self._learn(believed)
-        splits = [self._position_share(track) for track in believed]
-        position_m = sqrt(max((own for own, _ in splits), default=0.0))
-        sigmas = (position_m, position_m, self._priors.sigma(Bias.HEIGHT), self._priors.sigma(Bias.HEADING))
-        shared = [
-            self._shared_track(track, split, position_m, plane=plane, now_ns=situation.now_ns)
-            for track, split in zip(believed, splits, strict=True)
-        ]
         self._seq += 1
+        if common:
+            sigmas, shared = self._by_smoother(believed, common, plane=plane, now_ns=situation.now_ns)
+        else:
+            sigmas, shared = self._by_fixes(believed, plane=plane, now_ns=situation.now_ns)
         bias = VehicleBias(
             names=BIAS_NAMES,
             sigma=tuple(shortened(sigma) for sigma in sigmas),
@@ -92,16 +94,57 @@ class FleetTracks:
         )
         return message, self._state(name, utc_s, situation, obstacle)
 
-    def _shared_track(
-        self, track: Track, split: tuple[float, float], position_m: float, *, plane: TangentPlane, now_ns: HostNs
-    ) -> SharedTrack:
-        """A track in the form for fusion. ``split``: variance of its position error, own and common, m^2 an axis;
-        ``position_m``: one sigma of the largest own part.
+    def _by_smoother(
+        self, tracks: Sequence[Track], common: Mapping[int, CommonErrors], *, plane: TangentPlane, now_ns: HostNs
+    ) -> tuple[tuple[float, ...], list[SharedTrack]]:
+        """One sigma of the vehicle's own biases, and its tracks. A track that the smoother does not hold shares none.
+
+        All tracks have the same errors of the vehicle. What other vehicles near it may have in common of the position's
+        goes to ``cov_shared``; the column of the rest is the same.
         """
-        own, common = split
+        north_m, east_m, heading = next(iter(common.values())).sigmas
+        near_m = [min(self._options.gnss_shared_m, sigma_m) for sigma_m in (north_m, east_m)]
+        own_m = [sqrt(sigma**2 - near**2) for sigma, near in zip((north_m, east_m), near_m, strict=True)]
+        share = sqrt(LARGEST_SHARE)
+        shared = []
+        for track in tracks:
+            by = common.get(track.id)
+            north, east = (ZERO3, ZERO3) if by is None else (by.north, by.east)
+            columns = [(share * n, share * e, 0.0) for n, e in zip(north, east, strict=True)]
+            of_height = (0.0, 0.0) if by is None else by.height
+            displaced = [scale(c, m) for c, m in zip(columns, near_m, strict=False)]
+            displaced.append((share * of_height[0], share * of_height[1], 0.0))
+            level_m2 = 0.0 if track.fix is None else track.fix.level_sigma_m**2
+            level = min(level_m2, LARGEST_SHARE * track.cov[2][2])
+            cov_shared: Matrix3 = (ZERO3, ZERO3, (0.0, 0.0, level))
+            for each in displaced:
+                cov_shared = add_matrices(cov_shared, outer(each, each))
+            shared.append(self._shared_track(track, columns, cov_shared, plane=plane, now_ns=now_ns))
+        return (*own_m, self._priors.sigma(Bias.HEIGHT), heading), shared
+
+    def _by_fixes(
+        self, tracks: Sequence[Track], *, plane: TangentPlane, now_ns: HostNs
+    ) -> tuple[tuple[float, ...], list[SharedTrack]]:
+        """The same by the covariances of the tracks and the sensitivities of their fixes."""
+        self._learn(tracks)
+        splits = [self._position_share(track) for track in tracks]
+        position_m = sqrt(max((own for own, _ in splits), default=0.0))
+        shared = []
+        for track, (own, near) in zip(tracks, splits, strict=True):
+            share = sqrt(own) / position_m if position_m > 0.0 else 0.0
+            columns = [(share, 0.0, 0.0), (0.0, share, 0.0), self._heading_column(track, own + near)]
+            shared.append(self._shared_track(track, columns, self._shared(track, near), plane=plane, now_ns=now_ns))
+        return (position_m, position_m, self._priors.sigma(Bias.HEIGHT), self._priors.sigma(Bias.HEADING)), shared
+
+    def _shared_track(
+        self, track: Track, columns: Sequence[Vector3], cov_shared: Matrix3, *, plane: TangentPlane, now_ns: HostNs
+    ) -> SharedTrack:
+        """A track in the form for fusion. ``columns``: d(position)/d(bias) of position north, position east, heading.
+
+        ``cov_shared``: covariance of what other vehicles may share, m^2.
+        """
         place = plane.geodetic_from_ned(track.position_ned)
-        share = shortened(sqrt(own) / position_m if position_m > 0.0 else 0.0)
-        heading = self._heading_column(track, own + common)
+        north, east, heading = ([shortened(value) for value in column] for column in columns)
         return SharedTrack(
             track=track.id,
             label=track.label[:64],
@@ -110,10 +153,10 @@ class FleetTracks:
             lon=place.lon_deg,
             alt_amsl=round(place.alt_amsl_m, 3),
             cov=triangle(track.cov),
-            cov_shared=triangle(self._shared(track, common)),
+            cov_shared=triangle(cov_shared),
             bias_jacobian=(
-                (share, 0.0, 0.0, shortened(heading[0])),
-                (0.0, share, 0.0, shortened(heading[1])),
+                (north[0], east[0], 0.0, heading[0]),
+                (north[1], east[1], 0.0, heading[1]),
                 (0.0, 0.0, self._down_share(track), 0.0),
             ),
             vel=track.velocity_ned,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -38,6 +39,7 @@ from fwav_companion.types.flight_status import AutopilotReport, ClockReport, Ori
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
 from fwav_companion.types.track_marks import TrackMarks
+from fwav_companion.types.tracks import CommonErrors
 
 
 @dataclass(slots=True)
@@ -110,6 +112,10 @@ class Components:
         trouble = self.obstacle(now)
         why = "no camera is configured" if trouble is None else trouble
         return self.publisher.reported_tracks, self.situation(now), why or None
+
+    def common_errors(self) -> Mapping[int, CommonErrors]:
+        """Errors that targets share with others, by track; empty without a smoother."""
+        return {} if self.camera is None else self.camera.tracker.common_errors()
 
     def obstacle(self, now: HostNs) -> str | None:
         """Why the service is not ready; "" where it is; None without a camera."""

@@ -41,7 +41,7 @@ from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
 from fwav_companion.types.track_marks import TrackMarks
-from fwav_companion.types.tracks import FinalPlace
+from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
@@ -301,6 +301,10 @@ class Pipeline:
     def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
         """For other vehicles: the confirmed and coasting tracks, the vehicle, and why it is not ready (None: ready)."""
         return self._components.shared(now)
+
+    def common_errors(self) -> Mapping[int, CommonErrors]:
+        """Errors that targets share with others, by track; empty without a smoother."""
+        return self._components.common_errors()
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
         """Corners of the camera's footprint on the ground, latitude and longitude, degrees; empty where unknown."""

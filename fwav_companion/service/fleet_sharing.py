@@ -60,7 +60,7 @@ class FleetSharing:
         self._timer = asyncio.get_running_loop().call_later(1.0 / self._table.rate_hz, self._tick)
         now = self._now()
         tracks, situation, obstacle = self._pipeline.shared(now)
-        messages = self._tracks.messages(tracks, situation, obstacle)
+        messages = self._tracks.messages(tracks, situation, obstacle, self._pipeline.common_errors())
         if messages is None:
             self._report(situation)
             return

@@ -11,7 +11,7 @@ from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track
 from fwav_companion.types.flight_status import SolveReport
-from fwav_companion.types.tracks import FinalPlace
+from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
 
 class FrameTracker(Protocol):
@@ -59,6 +59,10 @@ class FrameTracker(Protocol):
 
     def best_targets(self) -> Mapping[int, ReportedTarget]:
         """The reported targets of all live tracks, by id."""
+        ...
+
+    def common_errors(self) -> Mapping[int, CommonErrors]:
+        """Errors that the reported targets share with others, by id: only the smoother has them."""
         ...
 
     def snapshot(self) -> Any:

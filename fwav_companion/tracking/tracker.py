@@ -23,7 +23,7 @@ from fwav_companion.tracking.track_state import LiveTrack, opened, teaches, with
 from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState, VehicleState
 from fwav_companion.types.flight_status import SolveReport
-from fwav_companion.types.tracks import FinalPlace
+from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -93,6 +93,10 @@ class Tracker:
         """The reported targets of all live tracks, by id."""
         target = self._choice().target
         return {track.id: target(track) for track in self._state.alive if track.id > 0}
+
+    def common_errors(self) -> dict[int, CommonErrors]:
+        """None: only a smoother has them."""
+        return {}
 
     @property
     def crowd(self) -> Crowd:

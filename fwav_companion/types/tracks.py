@@ -52,6 +52,22 @@ class FinalPlace(msgspec.Struct, frozen=True):
     """Number of sightings that were used."""
 
 
+class CommonErrors(msgspec.Struct, frozen=True, gc=False):
+    """Errors of a target's place that it shares with other targets, by the estimator.
+
+    An error is reported minus true; its column is d(place)/d(error).
+    """
+
+    sigmas: tuple[float, ...]
+    """One sigma of the vehicle's errors now: position north and east, metres, and heading, radians."""
+    north: tuple[float, ...]
+    """Derivative of the target's north by these errors, metres a metre and metres a radian."""
+    east: tuple[float, ...]
+    """The same of its east."""
+    height: tuple[float, float]
+    """Displacement north and east by one sigma of the height of target and ground, metres."""
+
+
 class GateResult(msgspec.Struct, frozen=True, gc=False):
     """Gating statistics of a fix against a predicted track."""
 

@@ -13,6 +13,7 @@ from fwav_companion.fleet.fleet_tracks import FleetTracks
 from fwav_companion.fleet.options import FleetTable
 from fwav_companion.fleet.payloads import TracksMessage, decoded, encoded
 from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from sitl_mock import scenario
 
 
@@ -21,15 +22,17 @@ def square(values) -> np.ndarray:
     return np.array([[nn, ne, nd], [ne, ee, ed], [nd, ed, dd]])
 
 
-@pytest.fixture(scope="module")
-def shared():
-    """(message, state, flight) at the end of a flight."""
-    flown = fly(scenario("demo").but({"seconds": 12.0}), ())
+@pytest.fixture(scope="module", params=[None, SmootherOptions()], ids=["filter", "smoother"])
+def shared(request):
+    """(message, state, flight) at the end of a flight, by each estimator."""
+    flown = fly(scenario("demo").but({"seconds": 12.0}), (), smoother=request.param)
     companion = flown.companion
     tracks, situation, obstacle = companion.pipeline.shared(companion._now)
     situation = msgspec.structs.replace(situation, utc_minus_host_s=1000.0)
     maker = FleetTracks(FleetTable(), companion.config.priors, "session")
-    message, state = maker.messages(tracks, situation, obstacle)
+    common = companion.pipeline.common_errors()
+    assert bool(common) is (request.param is not None)
+    message, state = maker.messages(tracks, situation, obstacle, common)
     assert tracks
     assert message.tracks
     return message, state, flown, tracks, situation
@@ -45,6 +48,17 @@ def test_every_covariance_splits_into_parts_that_are_covariances(shared):
         assert np.linalg.eigvalsh(noise).min() > -0.02 * np.trace(total)  # three digits
         assert np.linalg.eigvalsh(common).min() >= 0.0
         assert np.trace(own[:2, :2]) > 0.0
+
+
+def test_a_target_moves_with_the_vehicles_position_whatever_estimates(shared):
+    """Hardly anything but the position's error, that of now above all, places a target that was seen for seconds."""
+    message, *_ = shared
+    assert message.bias.names == ("position_north", "position_east", "position_down", "heading")
+    for track in message.tracks:
+        (nn, ne, *_), (en, ee, *_), (_, _, down, _) = track.bias_jacobian
+        assert 0.7 < min(nn, ee) <= max(nn, ee) <= 1.0
+        assert (ne, en) == pytest.approx((0.0, 0.0), abs=0.15)
+        assert 0.0 < down <= 1.0
 
 
 def test_places_and_labels_are_the_tracks(shared):

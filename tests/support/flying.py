@@ -23,6 +23,7 @@ from fwav_companion.pipeline.pipeline_factory import WANTED, make_pipeline
 from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.tlog import tlog_record
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import Frame, NoticeCode, Outgoing
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import encode_frame, parse_frame
@@ -50,6 +51,7 @@ class Companion:
         wall_steps: Sequence[tuple[int, float]] = (),
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
         elevation: Sequence[ElevationTile] = (),
+        smoother: SmootherOptions | None = None,
     ) -> None:
         """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML."""
         self.config = parse(text, "flight.toml", settings)
@@ -62,6 +64,7 @@ class Companion:
             live=True,
             sightings=sightings,
             elevation=elevation,
+            smoother=smoother,
         )
         self.wall_clock = WallClock(HostNs(0), self.unix_offset_ns)
         self._wall_steps = wall_steps

@@ -14,6 +14,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
+from fwav_companion.estimation.common_errors import common_errors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.solve import Estimate
@@ -55,7 +56,7 @@ from fwav_companion.types import (
     TrackState,
 )
 from fwav_companion.types.flight_status import SolveReport
-from fwav_companion.types.tracks import FinalPlace
+from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
 TAKE_OVER_S = 0.5
 """Time from a solve's start to its take-over, on the clock of captures: fixed, so that a replay gives the same answers,
@@ -190,6 +191,12 @@ class SmoothedTracker:
             return {}
         found = {track.id: answers.target(track) for track in self._state.tracks if track.id > 0}
         return {number: target for number, target in found.items() if target is not None}
+
+    def common_errors(self) -> dict[int, CommonErrors]:
+        """Errors that the reported targets share with others, by id."""
+        live = self._state.estimator.live
+        found = {track.id: common_errors(live, track.id) for track in self._state.tracks if track.id > 0}
+        return {number: shared for number, shared in found.items() if shared is not None}
 
     def snapshot(self) -> SmoothedState:
         """The present state, for :meth:`restore`."""
