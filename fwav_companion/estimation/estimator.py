@@ -34,6 +34,7 @@ from fwav_companion.estimation.initiation import filter_before_solves
 from fwav_companion.estimation.kept_sightings import KEPT, Sightings, best_seen, in_order, joined, thinned
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.path_samples import Carrier
+from fwav_companion.estimation.picture_poses import PictureAttitudes, PicturePath
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.solve import Estimate, SolveTask
@@ -62,16 +63,16 @@ class Estimator:
     def __init__(
         self, priors: SharedPriors, noise: SampleNoise, *, ground: GroundSurface | None = None,
         targets: Mapping[int, TargetPrior] | None = None, consider: bool = False, kept: int = KEPT,
-        whole_flight: WholeFlight | None = None,
+        whole_flight: WholeFlight | None = None, pictures: bool = False,
     ) -> None:  # fmt: skip
         """targets: priors of landmarks, pads and roofs by number; consider: no self-calibration.
 
-        whole_flight: keeps sightings for `final_places`.
+        whole_flight: keeps sightings for `final_places`. pictures: each has its own pose.
         """
         self.targets = dict(targets or {})
         self.model = Model(priors, noise, ground or LevelGround(), self.targets, consider)
-        self._path = VehiclePath(noise.position_m, noise.height_m)
-        body = Attitudes(noise.attitude_rad, noise.attitude_stamp_delay_s)
+        self._path = PicturePath() if pictures else VehiclePath(noise.position_m, noise.height_m)
+        body = (PictureAttitudes if pictures else Attitudes)(noise.attitude_rad, noise.attitude_stamp_delay_s)
         gimbal = Attitudes(noise.attitude_rad, 0.0) if len(priors) == GIMBAL_SHARED else None
         self.carrier = Carrier(body, self._path.samples, gimbal=gimbal)
         self._budget, self._whole_flight = kept, whole_flight

@@ -53,6 +53,11 @@ class PathSamples:
     accuracies: list[Accuracy] = field(default_factory=list)  # in order of time; empty: as configured
 
     @property
+    def ready(self) -> bool:
+        """Whether an instant can be interpolated."""
+        return len(self.buffer) > 3
+
+    @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
         return float(self.buffer.times[-1])
@@ -140,7 +145,7 @@ class Carrier:
     @property
     def ready(self) -> bool:
         """Whether poses can be interpolated."""
-        return len(self.path.buffer) > 3 and self.body.ready and self.attitudes.ready
+        return self.path.ready and self.body.ready and self.attitudes.ready
 
     @property
     def newest(self) -> float:

@@ -54,6 +54,7 @@ from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import FrameTracker, Reorder, make_tracker, smoothed_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
 WANTED = frozenset(
@@ -229,27 +230,29 @@ def _tracker(
 
     ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
     """
-    priors = config.priors
-    if own_filter is not None:
-        self_calibration = config.tracking.self_calibration
-        return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
-    options = tracking_options(config)
-    landmarks = [landmark.known for landmark in config.landmark]
-    smooths = options.filter == "kalman" and config.vehicle.position != "none"
-    if smoother is not None and smooths and isinstance(vehicle, Telemetry):
-        motion_of = {target.label: target.motion for target in config.target if target.motion is not None}
-        return smoothed_tracker(
+    options = config.tracking if own_filter is not None else tracking_options(config)
+    priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
+    if smoother is not None and (options.filter == "kalman" or options.self_calibration):
+        smoothed = smoothed_tracker(
             options,
             priors,
-            vehicle,
+            vehicle if isinstance(vehicle, SampleSource) else None,
             kept,
             lever_m=config.camera.mount.lever_arm_m,
             smoother=smoother,
             ground=ground.reference,
             landmarks=landmarks,
-            motion_of=motion_of,
+            motion_of={target.label: target.motion for target in config.target if target.motion is not None},
+            own_poses=not isinstance(vehicle, Telemetry),
         )
-    return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks)
+    if own_filter is not None:
+        calibrates = options.self_calibration
+        return tracker_with(
+            own_filter, priors, vehicle.state_at, kept, self_calibration=calibrates, calibrating=smoothed
+        )
+    if smoothed is not None and options.filter == "kalman":
+        return smoothed
+    return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed)
 
 
 def own_components(config: Config) -> frozenset[int]:

@@ -6,7 +6,7 @@ frames share, so the state at any instant is needed, with velocity and turn.
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from math import degrees, hypot, radians, sqrt
 
@@ -15,11 +15,15 @@ import msgspec
 from fwav_companion.config import Config
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import conjugate, exp, log, multiply
-from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, add, scale, subtract
 from fwav_companion.recording.photograph_poses import SAME_TIME_S, PhotographPose
-from fwav_companion.types import Frame, Reason, Unpaired, VehicleState
+from fwav_companion.types import AttitudeSample, Frame, RangeSample, Reason, ReportedGimbal, Unpaired, VehicleState
 
+STEP_NS = 20 * NS_PER_MS
+"""Interval of a video's attitudes: turns of a gimbal between two poses are even."""
+LOOK_AHEAD_NS = 500 * NS_PER_MS
+"""Time after a frame up to which its poses count: an interpolation needs three attitudes after the instant."""
 LONGEST_GAP_S = 1.0
 """Longest interval of a video's poses that is interpolated, seconds; they come with every frame."""
 
@@ -109,6 +113,7 @@ class PhotographSource:
         path = sorted((p for p in poses if p.time_unix is not None), key=lambda p: p.time_unix or 0.0) if moves else []
         self._path = path
         self._times = [pose.time_unix or 0.0 for pose in path]
+        self._until_ns = BootNs(0)
 
     def pose_of(self, frame: Frame) -> PhotographPose | None:
         """The pose of a frame: by its file where the poses have files alone, else by its number or its time."""
@@ -185,3 +190,37 @@ class PhotographSource:
             height_above_home_m=None,
             height_sigma_m=height,
         )
+
+
+class VideoPoses(PhotographSource):
+    """The poses of a video as a vehicle's telemetry, up to the frame that :meth:`take` selected last."""
+
+    def take(self, frame: Frame) -> None:
+        """Select the frame."""
+        super().take(frame)
+        self._until_ns = BootNs(frame.stamp_ns + LOOK_AHEAD_NS)
+
+    def attitudes_after(self, boot_ns: BootNs) -> list[AttitudeSample]:
+        """Attitudes later than the instant, interpolated in steps finer than the poses, which come with every frame."""
+        first_ns = max(boot_ns + STEP_NS, round(self._times[0] * 1e9)) if self._times else self._until_ns
+        last_ns = min(self._until_ns, round(self._times[-1] * 1e9)) if self._times else 0
+        states = [self.state_at(BootNs(t)) for t in range(first_ns, last_ns + 1, STEP_NS)]
+        return [
+            AttitudeSample(state.boot_ns, state.ned_from_body, state.rates)
+            for state in states
+            if isinstance(state, VehicleState)
+        ]
+
+    def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
+        """Instants of poses later than the instant, in order; none jumps."""
+        after = bisect_right(self._times, boot_ns * 1e-9)
+        instants = [BootNs(round(t * 1e9)) for t in self._times[after:]]
+        return [(t, False) for t in instants if boot_ns < t <= self._until_ns]
+
+    def ranges_after(self, boot_ns: BootNs) -> list[RangeSample]:  # noqa: ARG002
+        """None: there is no rangefinder."""
+        return []
+
+    def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:  # noqa: ARG002
+        """NO_GIMBAL: the camera is its own carrier."""
+        return Reason.NO_GIMBAL

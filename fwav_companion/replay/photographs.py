@@ -27,10 +27,11 @@ from fwav_companion.recording.photograph_poses import SHARED, PhotographPose, Po
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.kept_sights import KeptSights, SharedErrors
-from fwav_companion.replay.photograph_source import PhotographSource, least_sigmas
+from fwav_companion.replay.photograph_source import PhotographSource, VideoPoses, least_sigmas
 from fwav_companion.replay.recorded import SkippedLine, read_frames
 from fwav_companion.tracking import Settled
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import (
     Frame,
     NoFrame,
@@ -85,20 +86,29 @@ def replay_photographs(
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
     shared_errors: SharedErrors | None = None,
+    smooths: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
-    ``shared_errors``: what it returns is the summary's ``shared_errors``.
+    ``shared_errors``: what it returns is the summary's ``shared_errors``. ``smooths``: the smoother estimates.
     """
     origin = _origin(photographs.poses, config)
     total = photographs.sigmas_are_total
     moves = photographs.shared.time_offset_sigma_s is not None
-    source = PhotographSource(photographs.poses, origin, config, sigmas_are_total=total, moves=moves)
+    source_type = VideoPoses if moves else PhotographSource
+    source = source_type(photographs.poses, origin, config, sigmas_are_total=total, moves=moves)
     config = _config_for(photographs, config)
     log = TargetLog(__version__, config.as_builtins(), 0)
     log.begin(origin)
     camera = make_camera(
-        config, calibration, source, log, elevation=elevation, own_filter=own_filter, sightings=sightings
+        config,
+        calibration,
+        source,
+        log,
+        elevation=elevation,
+        own_filter=own_filter,
+        sightings=sightings,
+        smoother=SmootherOptions() if smooths else None,
     )
     undulation_m = geoid_undulation_m(origin.lat_deg, origin.lon_deg) if config.ground.model == "terrain" else None
     camera.on_origin(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
     from fwav_companion.self_calibration.delayed_poses import StateAt
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
-    from fwav_companion.tracking.smoothed.flight_samples import SampleSource
+    from fwav_companion.tracking.smoothed.sample_source import SampleSource
     from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
 KEEP_STATIC_NS = 300 * NS_PER_S
@@ -43,15 +43,17 @@ def make_tracker(
     kept: KeptCalibration | None = None,
     *,
     landmarks: Sequence[Landmark] = (),
+    calibrating: FrameTracker | None = None,
 ) -> Tracker:
     """The tracker that [tracking] selects.
 
     ``state_at`` returns the vehicle's state at an instant of the last second or so; self-calibration finds a large
-    time offset only with it. ``kept``: a calibration of an earlier flight with this camera.
+    time offset only with it. ``kept``: a calibration of an earlier flight with this camera. ``calibrating``: of the
+    low-pass, as of :func:`tracker_with`.
     """
     if options.filter == "lowpass":
-        paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
-        return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
+        paper, self_calibration = LowPass(options.alpha, options.alpha_rate_hz, priors), options.self_calibration
+        return tracker_with(paper, priors, state_at, kept, self_calibration=self_calibration, calibrating=calibrating)
     moving = options.motion == "moving"
     calibrator = None
     if options.self_calibration:
@@ -69,7 +71,7 @@ def make_tracker(
 def smoothed_tracker(
     options: TrackingOptions,
     priors: ErrorPriors,
-    source: SampleSource,
+    source: SampleSource | None,
     kept: KeptCalibration | None = None,
     *,
     lever_m: Vector3,
@@ -77,10 +79,12 @@ def smoothed_tracker(
     ground: Callable[[], GroundReference],
     landmarks: Sequence[Landmark] = (),
     motion_of: Mapping[str, str] | None = None,
+    own_poses: bool = False,
 ) -> FrameTracker:
     """The tracker by the smoother, for static and moving targets. It needs numpy.
 
-    ``motion_of``: motion of the targets of some labels, where it is not that of all targets.
+    ``source``: the vehicle's telemetry; None: each picture has its own pose. ``motion_of``: motion of the targets of
+    some labels, where it is not that of all targets. ``own_poses``: each frame's pose has errors of its own.
     """
     from fwav_companion.tracking.smoothed.smoothed_tracker import Motions, SmoothedTracker
 
@@ -88,6 +92,7 @@ def smoothed_tracker(
     return SmoothedTracker(
         priors, source, lever_m=lever_m, kept=kept, consider=not options.self_calibration, smoother=smoother,
         landmarks=landmarks, ground=ground, motions=Motions(options.motion == "moving", by_label),
+        own_poses=own_poses,
     )  # fmt: skip
 
 
@@ -98,13 +103,15 @@ def tracker_with(
     kept: KeptCalibration | None = None,
     *,
     self_calibration: bool = False,
+    calibrating: FrameTracker | None = None,
 ) -> Tracker:
     """A tracker with a filter that self-calibration does not correct: the paper's or a user's own.
 
-    Self-calibration then runs in parallel: its values are reported and not applied.
+    Self-calibration then runs in parallel: its values are reported and not applied. ``calibrating``: the tracker that
+    does; None: this one.
     """
-    calibrator = _calibrator(priors, state_at, kept) if self_calibration else None
-    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
+    calibrator = _calibrator(priors, state_at, kept) if self_calibration and calibrating is None else None
+    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False, calibrating=calibrating)
 
 
 def _landmark_tracking(

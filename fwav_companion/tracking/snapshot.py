@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -27,7 +27,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     next_id: int = 1
     calibrator: Calibrator | None = None
     """None without self-calibration."""
-    calibrating: Snapshot | None = None
+    calibrating: Any = None
     """State of the tracker that self-calibrates instead of this one, for a return to this state."""
     merging: TrackMerging = TrackMerging()
     detector: DetectorModel = DetectorModel()

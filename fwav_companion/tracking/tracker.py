@@ -14,6 +14,7 @@ from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetEstimate
 from fwav_companion.tracking.frame_association import FrameAssociation, associated
+from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.frame_update import FrameUpdate
 from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.tracking.new_tracks import Begun, unused_fixes, with_new, without_strays
@@ -52,7 +53,7 @@ class Tracker:
         *,
         corrects: bool = True,
         patience_ns: int = 0,
-        calibrating: Tracker | None = None,
+        calibrating: FrameTracker | None = None,
         landmarks: LandmarkTracking | None = None,
     ) -> None:
         """``keep_ns``: time without a detection after which a track is deleted, ns.
@@ -69,7 +70,7 @@ class Tracker:
         self._corrects = corrects
         self._patience_ns = patience_ns
         self._calibrating = calibrating
-        self._calibrated_by: Tracker = calibrating or self
+        self._calibrated_by: Tracker = calibrating if isinstance(calibrating, Tracker) else self
         self._state = Snapshot(calibrator=calibrator, landmarks=landmarks)
 
     @property
@@ -83,7 +84,7 @@ class Tracker:
     @property
     def solves(self) -> SolveReport | None:
         """Counts of the smoother's solves; None without a smoother."""
-        return None
+        return None if self._calibrating is None else self._calibrating.solves
 
     def final_places(self) -> dict[int, FinalPlace]:
         """Targets by the whole flight, by id: only a smoother has them."""

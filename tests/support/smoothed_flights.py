@@ -33,12 +33,13 @@ class WorldSamples:
         return self.world.state_at(instant_ns)
 
 
-def tracked(world, views=None, *, motions=None, kept=None):
+def tracked(world, views=None, *, motions=None, kept=None, consider=False):
     """(tracker, tracks) after each frame. Telemetry is 0.2 s ahead of the frames, as pictures wait for attitudes."""
     samples = WorldSamples(world)
     tracker = SmoothedTracker(
-        world.flight.priors, samples, lever_m=(0.0, 0.0, 0.0), kept=kept, motions=motions or Motions()
-    )
+        world.flight.priors, samples, lever_m=(0.0, 0.0, 0.0), kept=kept, motions=motions or Motions(),
+        consider=consider,
+    )  # fmt: skip
     for view in world.frames() if views is None else views:
         samples.now_s = min((view.boot_ns - BOOT_NS) * 1e-9 + 0.2, world.flight.seconds + 0.5)
         yield tracker, tracker.on_frame(view)

@@ -78,18 +78,23 @@ def shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> SharedPr
 
 
 def sample_noise(
-    priors: ErrorPriors, position_bias_m: float | None, stamp_sigma_s: float, height_wander_m: float = 0.0
-) -> SampleNoise:
+    priors: ErrorPriors, position_bias_m: float | None, stamp_sigma_s: float, height_wander_m: float = 0.0,
+    *, relative: bool = False,
+) -> SampleNoise:  # fmt: skip
     """Noise of single samples. ``position_bias_m``: the receiver's own accuracy; None: as configured.
 
+    ``relative``: there is no position; the world's origin is below the camera, without an error.
     ``stamp_sigma_s``: of a picture's instant on the attitudes' clock. Telemetry has already corrected the mean delay of
     the attitudes' stamps. ``height_wander_m``: of the height above the ground (``flight_ground``).
     """
     wander_m = priors.sigma(Bias.POSITION_NORTH) if position_bias_m is None else position_bias_m
+    position_noise_m = priors.position_noise_m
+    if relative:
+        wander_m = position_noise_m = 0.0
     return SampleNoise(
         attitude_rad=priors.attitude_noise,
         attitude_stamp_delay_s=0.0,
-        position_m=hypot(priors.position_noise_m, 1e-3),
+        position_m=hypot(position_noise_m, 1e-3),
         height_m=hypot(priors.height_noise_m, 1e-3),
         position_wander_m=wander_m,
         height_wander_m=height_wander_m,

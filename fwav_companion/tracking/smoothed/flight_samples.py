@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot
-from typing import Protocol
 
 import numpy as np
 
@@ -19,10 +18,11 @@ from fwav_companion.geometry.gimbal import heading_only
 from fwav_companion.geometry.rotations import conjugate, matrix_from_quaternion, multiply, rotate
 from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, cross
+from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.types import (
-    AttitudeSample,
     Bias,
     ErrorPriors,
+    FrameView,
     GroundFix,
     GroundReference,
     HeightReference,
@@ -35,59 +35,53 @@ from fwav_companion.types import (
 
 GIMBAL_STEP_NS = 20 * NS_PER_MS
 """Interval of a gimbal's attitudes: it turns by 0.1 degrees within it at 5 degrees a second."""
+RELATIVE_STEP_NS = 100 * NS_PER_MS
+"""Interval of the heights without a position: that of the usual positions."""
 LEAST_PLUMB = 0.5
 """Least down component of a rangefinder's beam: beyond 60 degrees of tilt it measures another place."""
-
-
-class SampleSource(Protocol):
-    """The vehicle's samples as sent."""
-
-    def attitudes_after(self, boot_ns: BootNs) -> list[AttitudeSample]:
-        """Attitudes later than the instant, in order of time."""
-
-    def positions_after(self, boot_ns: BootNs) -> list[tuple[BootNs, bool]]:
-        """Instants of positions later than the instant, in order, and whether the position jumped there."""
-
-    def ranges_after(self, boot_ns: BootNs) -> list[RangeSample]:
-        """A rangefinder's readings later than the instant, in order of time."""
-
-    def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:
-        """Attitude of the gimbal that carries the camera between two of its reports, or the reason why it is not
-        known.
-        """
-
-    def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """The state of the vehicle at this instant, or the reason why it is not known."""
 
 
 class FlightSamples:
     """Hands each sample of the telemetry to the smoother once."""
 
     __slots__ = (
-        "_attitude_ns", "_gimbal_ns", "_has_gimbal", "_lever_m", "_position_ns", "_priors", "_range_ns", "_source",
-        "level_m", "relative",
+        "_attitude_ns",
+        "_gimbal_ns",
+        "_has_gimbal",
+        "_lever_m",
+        "_position_ns",
+        "_priors",
+        "_range_ns",
+        "_relative",
+        "_source",
+        "level_m",
     )  # fmt: skip
 
     def __init__(self, source: SampleSource, lever_m: Vector3, priors: ErrorPriors, *, has_gimbal: bool) -> None:
         """``lever_m``: from the reported position to the camera, body axes, metres."""
         self._source, self._lever_m, self._priors, self._has_gimbal = source, lever_m, priors, has_gimbal
-        self.relative = False
-        """Whether there is no position: then the world's origin goes with the vehicle, on the ground below it."""
-        self.restart()
+        self.restart(relative=False)
 
-    def restart(self) -> None:
-        """Forget what was handed over: the next smoother takes all stored samples."""
+    def restart(self, *, relative: bool) -> None:
+        """Forget what was handed over: the next smoother takes all stored samples.
+
+        ``relative``: there is no position; the world's origin goes with the vehicle, on the ground below it.
+        """
+        self._relative = relative
         self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
         self.level_m: float | None = None
         """Level of the ground by a rangefinder's first reading, metres above the origin."""
 
-    def feed(self, estimator: Estimator, reference: GroundReference) -> None:
+    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:  # noqa: ARG002
         """Hand over what came since. ``reference``: the source of heights."""
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(s_from_ns(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
         if self._has_gimbal:
             self._feed_gimbal(estimator)
+        if self._relative:
+            self._feed_heights(estimator, reference)
+            return
         for boot_ns, jumped in self._source.positions_after(self._position_ns):
             if boot_ns > self._attitude_ns:
                 break  # its attitude, which places the camera, is still to come
@@ -101,9 +95,6 @@ class FlightSamples:
     def _add(self, estimator: Estimator, state: VehicleState, reference: GroundReference, *, reset: bool) -> None:
         """Add the camera's position: the vehicle's, moved by the lever arm."""
         position, velocity = state.position_ned, state.velocity_ned
-        if self.relative and state.height_above_home_m is not None:
-            down_m_s = 0.0 if velocity is None else velocity[2]
-            position, velocity = (0.0, 0.0, -state.height_above_home_m), (0.0, 0.0, down_m_s)
         if position is None or velocity is None:
             return
         north, east, down = rotate(state.ned_from_body, self._lever_m)
@@ -118,6 +109,38 @@ class FlightSamples:
         camera = np.array([position[0] + north, position[1] + east, height_m])
         moved = np.array([velocity[0] + v_north, velocity[1] + v_east, climb_m_s])
         estimator.add_position(s_from_ns(state.boot_ns), camera, moved, reset=reset)
+
+    def _feed_heights(self, estimator: Estimator, reference: GroundReference) -> None:
+        """Add the camera's heights in a world without a position: the camera stays above its origin."""
+        if self._position_ns < 0:
+            first = self._source.attitudes_after(BootNs(-1))
+            self._position_ns = first[0].boot_ns if first else self._position_ns
+        while 0 <= self._position_ns < self._attitude_ns:
+            state = self._source.state_at(self._position_ns)
+            if isinstance(state, VehicleState):
+                self._add_height(estimator, state, reference)
+            self._position_ns = BootNs(self._position_ns + RELATIVE_STEP_NS)
+
+    def _add_height(self, estimator: Estimator, state: VehicleState, reference: GroundReference) -> None:
+        height_m, climb_m_s = self._height_without_position(state, reference), 0.0
+        if height_m is None:
+            return
+        if state.velocity_ned is not None and reference.height is not HeightReference.CONSTANT:
+            climb_m_s = -state.velocity_ned[2]
+        camera, velocity = np.array([0.0, 0.0, height_m]), np.array([0.0, 0.0, climb_m_s])
+        estimator.add_position(s_from_ns(state.boot_ns), camera, velocity)
+
+    def _height_without_position(self, state: VehicleState, reference: GroundReference) -> float | None:
+        """Height of the camera above the ground, metres; None where it is not known."""
+        if reference.height is HeightReference.CONSTANT:
+            return reference.level_m
+        lever_down_m = rotate(state.ned_from_body, self._lever_m)[2]
+        if reference.height is HeightReference.RANGE and state.range is not None:
+            beam = rotate(state.ned_from_body, state.range.beam_in_body)
+            if beam[2] >= LEAST_PLUMB:
+                return state.range.distance_m * beam[2] - lever_down_m
+        above_m = state.height_above_home_m
+        return None if above_m is None else above_m - lever_down_m
 
     def _feed_ranges(self, estimator: Estimator) -> None:
         for sample in self._source.ranges_after(self._range_ns):
@@ -176,8 +199,11 @@ class FlightSamples:
         estimator.add_gimbal_attitude(t, q)
 
 
-def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
-    """The detections of a frame's fixes, in their order, without targets."""
+def sightings_of(number: int, fixes: Sequence[GroundFix], *, own_poses: bool = False) -> Sightings:
+    """The detections of a frame's fixes, in their order, without targets.
+
+    ``own_poses``: the errors of the frame's pose are its own.
+    """
     rays, mounts, by_u, by_v, sigma, t, rows, own = [], [], [], [], [], [], [], []
     for fix in fixes:
         sighting = fix.sighting
@@ -188,13 +214,24 @@ def sightings_of(number: int, fixes: Sequence[GroundFix]) -> Sightings:
         by_u.append(sighting.ray.d_du)
         by_v.append(sighting.ray.d_dv)
         sigma.append(sighting.pixel_sigma)
-        own.append((0.0 if sighting.state.gimbal is None else sighting.state.carrier_sigma, 0.0, 0.0))
+        own.append(_own_noise(fix, own_poses=own_poses))
     mount = np.array(mounts)  # (D, 3, 3)
     count, columns = len(fixes), np.array([rays, by_u, by_v]).reshape(3, len(fixes), 3)
     ray, u, v = np.einsum("dij,cdj->cid", mount, columns)  # (3, D) each, carrier axes
     frame, none = np.full(count, number, np.int64), np.full(count, -1, np.int64)
     noise = np.array(own).T if np.any(own) else None
     return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows), noise)
+
+
+def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]:
+    """One sigma of a frame's own pose: attitude, rad; north and east, up, metres."""
+    state = fix.sighting.state
+    if not own_poses:
+        return (0.0 if state.gimbal is None else state.carrier_sigma), 0.0, 0.0
+    level_m, up_m = state.position_sigma_m, state.height_sigma_m
+    if fix.ground == "fixed":  # at a height below the camera: that of the camera does not count
+        up_m = 0.0
+    return state.carrier_sigma, level_m, level_m if up_m is None else up_m
 
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:

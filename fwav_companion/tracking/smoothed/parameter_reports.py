@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import degrees
 from typing import NamedTuple
 
-from fwav_companion.estimation.answers import ParameterStatus
-from fwav_companion.estimation.errors import MOUNT
+import numpy as np
+
+from fwav_companion.estimation.answers import CALIBRATED_SHARE, ParameterStatus
+from fwav_companion.estimation.errors import MOUNT, PITCH, ROLL, SharedPriors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.types.flight_status import ParameterReport
 
@@ -43,11 +46,24 @@ REPORTED = (
 """By the index of the smoother's shared parameters."""
 
 
-def camera_statuses(estimator: Estimator) -> list[ParameterStatus]:
-    """Status of every shared parameter; about x and y what turns the camera in all, mount and attitude together."""
+def camera_statuses(estimator: Estimator, configured: SharedPriors | None = None) -> list[ParameterStatus]:
+    """Status of every shared parameter; about x and y what turns the camera in all, mount and attitude together.
+
+    ``configured``: the priors without a calibration of an earlier flight. What that one knows and this one has not
+    contradicted is calibrated: the flight need not show it again.
+    """
     statuses = list(estimator.self_calibration())
     statuses[MOUNT.start : MOUNT.start + 2] = estimator.camera_tilt()
-    return statuses
+    if configured is None or estimator.model.consider:
+        return statuses
+    sigma = configured.sigma.copy()
+    sigma[MOUNT.start : MOUNT.start + 2] = np.hypot(sigma[MOUNT.start : MOUNT.start + 2], sigma[[ROLL, PITCH]])
+    return [
+        replace(status, status="calibrated", reason=None)
+        if status.status == "waiting" and status.sigma < CALIBRATED_SHARE * sigma[index]
+        else status
+        for index, status in enumerate(statuses)
+    ]
 
 
 def parameter_reports(statuses: Sequence[ParameterStatus]) -> tuple[ParameterReport, ...]:

@@ -19,6 +19,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, KeptCalibration, PriorInflation
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
+from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types.flight_status import ParameterReport
 
 _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} | {
@@ -30,13 +31,15 @@ WRONG_MOUNT = "the mount is wrong: correct it first"
 REFUSES = "half of the sightings fit no estimate: check the camera's calibration and mount, and [ground] model"
 
 
-def smoothed_report(estimator: Estimator, host_ns: HostNs, mistake: str = "") -> CalibrationReport:
+def smoothed_report(
+    estimator: Estimator, host_ns: HostNs, mistake: str = "", *, stored: StoredCalibration | None = None
+) -> CalibrationReport:
     """The report now. The mount is reported as a correction, the opposite of the smoother's sign.
 
     Its x and y count what the attitude is tilted: that is what the configuration must turn. ``mistake``: that of the
-    mount in words; nothing is known then.
+    mount in words; nothing is known then. ``stored``: the calibration of an earlier flight.
     """
-    statuses = camera_statuses(estimator)
+    statuses = camera_statuses(estimator, None if stored is None else stored.configured)
     parameters = parameter_reports(statuses)
     delay, height, (x, y, z) = statuses[CAMERA_DELAY], statuses[HEIGHT], statuses[MOUNT]
     rivals = tuple(estimator.rival_delays()) if not delay.is_known else ()
@@ -52,6 +55,7 @@ def smoothed_report(estimator: Estimator, host_ns: HostNs, mistake: str = "") ->
         height_m=height.estimate,
         height_sigma_m=height.sigma,
         mistake=mistake,
+        replaced=stored is not None and stored.dropped,
         status=status,
         reason=reason,
         alternatives=rivals if status is CalibrationStatus.AMBIGUOUS else (),
@@ -65,7 +69,7 @@ def _status(
     estimator: Estimator, statuses: Sequence[ParameterStatus], parameters: Sequence[ParameterReport],
     *, is_ambiguous: bool,
 ) -> tuple[CalibrationStatus, str | None]:  # fmt: skip
-    if not estimator.solves:
+    if not estimator.solves or estimator.model.consider:
         return CalibrationStatus.WAITING, NEVER_SOLVED
     needed = (parameters[CAMERA_DELAY], *parameters[MOUNT])
     missing = [p for p in parameters if p.status == "contradicts"] or [p for p in needed if p.status == "waiting"]

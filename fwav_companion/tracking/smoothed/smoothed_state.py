@@ -15,6 +15,7 @@ from fwav_companion.tracking.smoothed.mount_turns import MountTurns
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve
+from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types import GroundReference, Reason
 
 
@@ -37,6 +38,9 @@ class SmoothedState:
     landmarks: SmoothedLandmarks
     reference: GroundReference
     """The ground of the estimator's model."""
+    stored: StoredCalibration
+    relative: bool = False
+    """Whether there is no position: a static target stays where it is relative to the vehicle."""
     next_id: int = 1
     next_still: int = 0
     pending: PendingSolve | None = None

@@ -102,7 +102,7 @@ class FrameAnswers:
         """
         self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
         self._lever_ned: Vector3 = (0.0, 0.0, 0.0)
-        if view.vehicle is not None:
+        if view.vehicle is not None and view.vehicle_ned is not None:
             self._lever_ned = rotate(view.vehicle.ned_from_body, lever_m)
         self._vehicle_ned = view.vehicle_ned
         self._targets: dict[tuple[int, int], SmoothedTarget | None] = {}

@@ -9,7 +9,6 @@ it has been still for long, a static target in its place does (``StillTargets``)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -32,7 +31,10 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     surface_of,
     target_height,
 )
-from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, SampleSource, sightings_of
+from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_receiver
+from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, sightings_of
+from fwav_companion.tracking.smoothed.picture_samples import PictureSamples
+from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.tracking.smoothed.smoothed_frame import FrameTracks
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_merging import merged
@@ -41,13 +43,12 @@ from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
+from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.tracking.smoothed.teaching import forget_ended, teach, teach_displaced
 from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import (
     ErrorPriors,
     FrameView,
-    GroundReference,
-    HeightReference,
     Landmark,
     LandmarkAltitude,
     LandmarkRecord,
@@ -93,6 +94,7 @@ class SmoothedTracker:
         "_known",
         "_lever_m",
         "_motions",
+        "_own_poses",
         "_priors",
         "_samples",
         "_smoother",
@@ -103,39 +105,53 @@ class SmoothedTracker:
     )
 
     def __init__(
-        self, priors: ErrorPriors, source: SampleSource, *, lever_m: Vector3, kept: KeptCalibration | None = None,
-        consider: bool = False, smoother: SmootherOptions | None = None, landmarks: Sequence[Landmark] = (),
-        motions: Motions | None = None, ground: ReferenceNow = level_at_home,
+        self, priors: ErrorPriors, source: SampleSource | None, *, lever_m: Vector3,
+        kept: KeptCalibration | None = None, consider: bool = False, smoother: SmootherOptions | None = None,
+        landmarks: Sequence[Landmark] = (), motions: Motions | None = None, ground: ReferenceNow = level_at_home,
+        own_poses: bool = False,
     ) -> None:  # fmt: skip
-        """``consider``: no self-calibration; the priors of all parameters count in every covariance.
+        """``source``: the vehicle's telemetry; None: each picture has its own pose.
+
+        ``own_poses``: whether each frame's pose has errors of its own, as those of pictures and videos have.
+
+        ``consider``: no self-calibration; the priors of all parameters count in every covariance.
 
         ``smoother``: starts each solve; its estimate is taken over at a fixed later instant of the captures.
         """
         self.reports_innovations = False
         self._priors, self._consider, self._smoother = priors, consider, smoother or SmootherOptions()
-        self._start = shared_priors(priors, kept)
+        configured = shared_priors(priors, None)
+        self._start = configured if kept is None else shared_priors(priors, kept)
         self._known, self._lever_m, self._motions = tuple(landmarks), lever_m, motions or Motions()
         self._ground, self._solves = ground, SolveCounts()
-        self._samples = FlightSamples(source, lever_m, priors, has_gimbal=priors.gimbal is not None)
-        self._state = self._begun(1)
+        self._own_poses = own_poses
+        self._samples: FlightSamples | PictureSamples = PictureSamples()
+        if source is not None:
+            self._samples = FlightSamples(source, lever_m, priors, has_gimbal=priors.gimbal is not None)
+        self._state = self._begun(StoredCalibration(configured), 1)
         self._answers: FrameAnswers | None = None
         self._host_ns = HostNs(0)
 
-    def _begun(self, next_id: int) -> SmoothedState:
-        reference = self._ground()
-        noise = sample_noise(self._priors, None, STAMP_SIGMA_S, height_wander_m(reference, self._priors))
-        whole_flight = WholeFlight() if self._smoother.whole_flight else None
-        estimator = Estimator(
-            self._start, noise, ground=surface_of(reference), consider=self._consider, whole_flight=whole_flight
+    def _begun(self, stored: StoredCalibration, next_id: int, *, relative: bool = False) -> SmoothedState:
+        """The state before the first frame. Without a position nothing calibrates: targets move as the vehicle does."""
+        reference, start = self._ground(), stored.configured if stored.dropped else self._start
+        noise = sample_noise(
+            self._priors, None, STAMP_SIGMA_S, height_wander_m(reference, self._priors), relative=relative
         )
-        return SmoothedState(estimator, SmoothedLandmarks(self._known), reference, next_id)
+        estimator = Estimator(
+            start, noise, ground=surface_of(reference), consider=self._consider or relative,
+            whole_flight=WholeFlight() if self._smoother.whole_flight else None,
+            pictures=isinstance(self._samples, PictureSamples),
+        )  # fmt: skip
+        return SmoothedState(estimator, SmoothedLandmarks(self._known), reference, stored, relative, next_id)
 
     @property
     def calibration(self) -> CalibrationReport | None:
         """The report of self-calibration; None without it."""
         if self._consider:
             return None
-        return smoothed_report(self._state.estimator, self._host_ns, self._state.turns.mistake)
+        state = self._state
+        return smoothed_report(state.estimator, self._host_ns, state.turns.mistake, stored=state.stored)
 
     @property
     def solves(self) -> SolveReport:
@@ -209,18 +225,18 @@ class SmoothedTracker:
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
         state, t = self._state, s_from_ns(view.boot_ns)
+        if view.fixes and view.fixes[0].sighting.relative != state.relative:
+            state = self._restart(relative=not state.relative)
         estimator, self._host_ns = state.estimator, view.host_ns
-        if view.fixes:
-            self._samples.relative = view.fixes[0].sighting.relative
         reference = self._ground()
-        self._samples.feed(estimator, reference)
-        self._follow_ground(reference)
+        self._samples.feed(estimator, reference, view)
+        follow_ground(state, reference, self._samples.level_m)
         taken_over = self._take_over(t)
-        self._follow_receiver(view)
+        follow_receiver(state, view, STAMP_SIGMA_S)
         if not estimator.begin(t) or estimator.live is None:
             return ()
         estimator.live.predict(t)
-        sights = sightings_of(view.frame, view.fixes) if view.fixes else None
+        sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses) if view.fixes else None
         answers = self._answers = FrameAnswers(
             estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
         )
@@ -241,7 +257,7 @@ class SmoothedTracker:
             state.detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
         )
         state.unused_fixes = frame.unused(tracks)
-        if sights is not None and not self._consider:
+        if sights is not None and not estimator.model.consider:
             self._judge_mount(view, sights)
         answers.forget()
         reports = self._reports(tracks, view, answers)
@@ -252,17 +268,6 @@ class SmoothedTracker:
             due_s = t + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
             state.pending = PendingSolve(due_s, self._smoother.solver(task))
         return reports
-
-    def _follow_ground(self, reference: GroundReference) -> None:
-        """Take a home or an elevation model that was moved, or a rangefinder's first reading, as the ground."""
-        state, level_m = self._state, self._samples.level_m
-        if reference.height is HeightReference.RANGE and level_m is not None:
-            reference = msgspec.structs.replace(reference, level_m=level_m)
-        if reference != state.reference:
-            state.reference, estimator = reference, state.estimator
-            estimator.model = replace(estimator.model, ground=surface_of(reference))
-            if estimator.live is not None:
-                estimator.live.model = estimator.model
 
     def _take_over(self, t: float) -> bool:
         """Take over a solve that is due; whether one was. A late one is counted, and taken over when it is ready."""
@@ -281,6 +286,7 @@ class SmoothedTracker:
             self._solves.failed += 1
             return False
         state.estimator.adopt(estimate)
+        state.stored = state.stored.judged(state.estimator)
         self._solves.taken += 1
         return True
 
@@ -308,27 +314,18 @@ class SmoothedTracker:
         elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
         return detector.crowd.after_frame([view.fixes[j] for j in left], tentative, elapsed_s)
 
-    def _follow_receiver(self, view: FrameView) -> None:
-        """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""
-        vehicle, estimator = view.vehicle, self._state.estimator
-        if vehicle is None:
-            return
-        path, noise = estimator.carrier.path, estimator.model.noise
-        if vehicle.position_bias_m is not None:
-            path.add_accuracy(s_from_ns(view.boot_ns), vehicle.position_bias_m)
-        worst_m = max([each.sigma_m for each in path.accuracies], default=noise.position_wander_m)
-        stamp_sigma_s = max(STAMP_SIGMA_S, vehicle.stamp_sigma_s)
-        if (worst_m, stamp_sigma_s) != (noise.position_wander_m, noise.stamp_jitter_s):
-            new = replace(noise, position_wander_m=worst_m, stamp_jitter_s=stamp_sigma_s)
-            estimator.model = replace(estimator.model, noise=new)
-
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state, answers = self._state, self._answers
         dropped = [msgspec.structs.replace(t.deleted(reason), fix=None, innovation=None) for t in state.tracks]
         reported = () if answers is None else self._reports(dropped, view, answers)
-        self._samples.restart()
-        self._state = self._begun(state.next_id)
-        self._state.detector = state.detector
-        self._answers = None
+        self._restart(relative=state.relative)
         return reported
+
+    def _restart(self, *, relative: bool) -> SmoothedState:
+        """Begin again without a track; returns the new state. What is known of the detector stays."""
+        before, self._answers = self._state, None
+        self._samples.restart(relative=relative)
+        state = self._state = self._begun(before.stored, before.next_id, relative=relative)
+        state.detector = before.detector
+        return state
