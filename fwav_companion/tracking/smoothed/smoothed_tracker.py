@@ -9,6 +9,7 @@ it has been still for long, a static target in its place does (``StillTargets``)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import inf
 
 import msgspec
 import numpy as np
@@ -88,6 +89,7 @@ class SmoothedTracker:
 
     __slots__ = (
         "_answers",
+        "_begun_s",
         "_consider",
         "_ground",
         "_host_ns",
@@ -131,6 +133,8 @@ class SmoothedTracker:
         self._state = self._begun(StoredCalibration(configured), 1)
         self._answers: FrameAnswers | None = None
         self._host_ns = HostNs(0)
+        self._begun_s = -inf
+        """Capture of the frame with which the live filter began; before that, of the newest frame."""
 
     def _begun(self, stored: StoredCalibration, next_id: int, *, relative: bool = False) -> SmoothedState:
         """The state before the first frame. Without a position nothing calibrates: targets move as the vehicle does."""
@@ -233,7 +237,7 @@ class SmoothedTracker:
         follow_ground(state, reference, self._samples.level_m)
         taken_over = self._take_over(t)
         follow_receiver(state, view, STAMP_SIGMA_S)
-        if not estimator.begin(t) or estimator.live is None:
+        if not self._begins(t) or estimator.live is None:
             return ()
         estimator.live.predict(t)
         sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses) if view.fixes else None
@@ -268,6 +272,18 @@ class SmoothedTracker:
             due_s = t + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
             state.pending = PendingSolve(due_s, self._smoother.solver(task))
         return reports
+
+    def _begins(self, t: float) -> bool:
+        """Whether the live filter has begun. Where a late frame has earlier ones processed again, those that came too
+        early for their telemetry are too early still.
+        """
+        estimator = self._state.estimator
+        if estimator.live is not None:
+            return True
+        if t < self._begun_s:
+            return False
+        self._begun_s = t
+        return estimator.begin(t)
 
     def _take_over(self, t: float) -> bool:
         """Take over a solve that is due; whether one was. A late one is counted, and taken over when it is ready."""
