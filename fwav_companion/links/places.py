@@ -23,7 +23,7 @@ there and heard for as long yields to no other one."""
 Peer = TypeVar("Peer")
 
 
-class Place(msgspec.Struct):
+class PeerPlace(msgspec.Struct):
     """The place of one peer."""
 
     host: str
@@ -39,7 +39,7 @@ class Places(Generic[Peer]):
         """``on_yield``: called with a peer that has lost its place. ``silent_s``: silence after which a peer yields to
         any newcomer.
         """
-        self.of: dict[Peer, Place] = {}
+        self.of: dict[Peer, PeerPlace] = {}
         self._on_yield = on_yield
         self._silent_s = silent_s
 
@@ -52,7 +52,7 @@ class Places(Generic[Peer]):
                 return False
             del self.of[yields]
             self._on_yield(yields)
-        self.of[peer] = Place(host, now_s, now_s)
+        self.of[peer] = PeerPlace(host, now_s, now_s)
         return True
 
     def _yields_to(self, own: Sequence[Peer], now_s: float) -> Peer | None:
