@@ -25,7 +25,7 @@ from fwav_companion.fleet.options import FleetTable
 from fwav_companion.links.map_server import MapServer
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.types import ElevatedTarget, ErrorPriors
+from fwav_companion.types import ErrorPriors, Pad, ElevatedTarget
 from fwav_companion.types.secrets import redacted, secrets_of
 from fwav_companion.vision.source_names import SourceKind, source_kind
 from fwav_companion.vision.task import KeptPicturesRule, VisionTask
@@ -84,6 +84,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """The service's own camera; None: no camera is opened."""
     target: tuple[ElevatedTarget, ...] = ()
     """Labels whose things are not flat on the ground."""
+    pad: tuple[Pad, ...] = ()
+    """Landing pads of several tags, each pad one target."""
     landmark: tuple[LandmarkConfig, ...] = ()
     """Surveyed things that cancel what they show of the common errors."""
     ground: GroundConfig = GroundConfig()
@@ -157,10 +159,15 @@ class Config(Document, frozen=True, kw_only=True):
         return self.uncertainty.priors(
             readout_known=self.camera.known_readout_s is not None,
             surveyed=self.ground.model == "terrain",
-            standing=bool(self.target),
+            standing=bool(self.target) or any(pad.height_m for pad in self.pad),
             stream=self._has_mapped_stream,
             gimbal_yaw_deg=self.camera.mount.gimbal_yaw_bias_deg if self.camera.mount.gimbal_device_id else None,
         )
+
+    @property
+    def pad_tags(self) -> tuple[str, ...]:
+        """Labels of the tags of all pads."""
+        return tuple(tag.label for pad in self.pad for tag in pad.tags)
 
     @property
     def _has_mapped_stream(self) -> bool:

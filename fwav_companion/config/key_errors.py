@@ -16,6 +16,8 @@ LONGEST_VALUE = 80
 
 KeyPath = tuple[str | int, ...]
 """Path from the file's root: names of tables and keys, indices of lists."""
+Complaint = tuple[KeyPath, str]
+"""The path of a key, and what is wrong with its value."""
 
 
 def key_and_value(tree: dict[str, Any], path: KeyPath) -> str:

@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.config.document import Config, Document
 from fwav_companion.config.key_errors import (
+    Complaint,
     KeyPath,
     accepted_text,
     hints_of,
@@ -23,7 +24,7 @@ from fwav_companion.config.key_errors import (
     table_of,
     unknown_key,
 )
-from fwav_companion.config.rules import Complaint, broken_rules
+from fwav_companion.config.rules import broken_rules
 from fwav_companion.errors import ConfigError
 from fwav_companion.vision.task import dictionary_key
 
@@ -35,7 +36,7 @@ OTHER_SPELLINGS: Final[dict[tuple[str, str], Callable[[str], str]]] = {("vision"
 """Tables and keys that accept several spellings, with the function that returns the first spelling."""
 BY_SOURCE: Final = frozenset({"height_bias_m", "heading_bias_deg", "mount_bias_deg"})
 """Keys of [uncertainty] that accept "auto", which is the same as to leave them out: by the source of photographs."""
-ARRAYS: Final = frozenset({"link", "target", "landmark"})
+ARRAYS: Final = frozenset({"link", "target", "pad", "landmark"})
 """Tables of which there may be several."""
 REPEATED: Final = ("Cannot declare", "Cannot overwrite a value")
 """Prefixes of the parser's messages about a repeated table or key."""

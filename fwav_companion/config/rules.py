@@ -10,7 +10,8 @@ from msgspec.structs import replace
 from fwav_companion.acting.options import ActTable
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
-from fwav_companion.config.key_errors import printable
+from fwav_companion.config.key_errors import Complaint, printable
+from fwav_companion.config.pad_rules import pad_complaints
 from fwav_companion.links.url import (
     LinkUrl,
     SerialUrl,
@@ -38,9 +39,6 @@ LISTENING: Final = frozenset({"udpin", "tcpin"})
 ANY_IPV4: Final = "0.0.0.0"  # noqa: S104
 """Address of all interfaces; only compared with addresses, not bound."""
 
-Complaint = tuple[tuple[str | int, ...], str]
-"""The path of a key, and what is wrong with its value."""
-
 
 def broken_rules(document: Document) -> Iterator[Complaint]:
     """Each rule between keys that the document breaks, in the file's order."""
@@ -53,6 +51,7 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     elif document.record.pictures != 0:
         yield ("record", "pictures"), "there is no [vision], whose pictures would be kept; accepted: 0"
     yield from _targets(document)
+    yield from pad_complaints(document)
     yield from _landmarks(document)
     yield from _ground_and_publish(document)
     if document.act is not None:

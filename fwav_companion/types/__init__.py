@@ -22,6 +22,7 @@ from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
 from fwav_companion.types.ground_reference import GroundReference, HeightReference, SurfaceShape
 from fwav_companion.types.landmarks import Landmark, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
+from fwav_companion.types.pads import Pad, PadContradiction, PadTag
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import (
     BIAS_COUNT,
@@ -32,6 +33,7 @@ from fwav_companion.types.sightings import (
     GroundFix,
     NoFix,
     Sighting,
+    SizeHeight,
     Unpaired,
 )
 from fwav_companion.types.situation import Autopilot, AutopilotKind, Situation
@@ -96,6 +98,9 @@ __all__ = [
     "NoticeCode",
     "Outgoing",
     "Outline",
+    "Pad",
+    "PadContradiction",
+    "PadTag",
     "Pixel",
     "PositionSample",
     "RangeSample",
@@ -105,6 +110,7 @@ __all__ = [
     "Severity",
     "Sighting",
     "Situation",
+    "SizeHeight",
     "StampClock",
     "SurfaceShape",
     "TakeOff",

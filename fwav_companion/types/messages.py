@@ -119,6 +119,8 @@ class NoticeCode(StrEnum):
     """A landing target is known, and LANDING_TARGET has been withheld for a second. The text has the reason."""
     LANDING_SENT = "landing_sent"
     """LANDING_TARGET flows after it was reported as withheld."""
+    PAD_CONTRADICTED = "pad_contradicted"
+    """A tag is not where its [[pad]] has it, as the pad's other tags show: it is left out. Check the pad's tags."""
     CROWDED = "crowded"
     """Most detections of a label fit no track: its new tracks wait for their confirmation. Raise the threshold."""
     CLICK_WITHOUT_CAMERA = "click_without_camera"

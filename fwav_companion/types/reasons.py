@@ -78,6 +78,16 @@ class Reason(StrEnum):
     OUTSIDE_LENS = "outside_lens"
     """The pixel lies beyond the valid range of the lens model."""
 
+    # Pads and tags of known size.
+    PART_OF_PAD = "part_of_pad"
+    """The tag's corners count in the sighting of its pad, which has the index of another tag. It is not a refusal."""
+    NO_PAD_POSE = "no_pad_pose"
+    """The tag's corners do not show where its pad's landing point is: it comes without corners, or is seen edge-on."""
+    TAG_COPY = "tag_copy"
+    """The tag is in the picture twice, and this one agrees less with its pad: one is a picture of the tag."""
+    CONTRADICTS_PAD = "contradicts_pad"
+    """The tag is not where its [[pad]] has it, as the pad's other tags show."""
+
     # Localization.
     ABOVE_HORIZON = "above_horizon"
     """The ray does not descend, so it does not meet the ground."""

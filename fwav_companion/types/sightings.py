@@ -93,6 +93,16 @@ class Unpaired(msgspec.Struct, frozen=True):
     gap_s: float | None = None
 
 
+class SizeHeight(msgspec.Struct, frozen=True, gc=False):
+    """Height of the camera above the detected point by the size of a tag in the picture."""
+
+    height_m: float
+    noise_m: float
+    """One sigma that is independent in every picture, metres."""
+    scale_sigma: float
+    """One sigma of the scale, the same in every picture, as a share of the height: of the print and of the lens."""
+
+
 class Sighting(msgspec.Struct, frozen=True, gc=False):
     """A detection with the state of the vehicle at the instant at which its row was exposed."""
 
@@ -127,6 +137,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Height of the detected point above the target's foot, metres; 0 for a target that lies on the ground."""
     anchor_sigma_m: float = 0.0
     """One sigma of that height, the same in every sighting of a target, metres."""
+    size_height: SizeHeight | None = None
+    """Height above the detected point by a tag's known size; None for other things."""
 
     @property
     def boot_ns(self) -> BootNs:
@@ -195,6 +207,8 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     level_sigma_m: float = 0.0
     """One sigma of the ground's level, down, metres. It is not among the biases. Its square is part of ``cov``
     and ``relative_cov``, not of ``noise_cov``: the error is the same in every fix and does not average out."""
+    best_height_m: float | None = None
+    """Height of the camera above the detected point by the ground model and a tag's size, metres; None without one."""
 
     @property
     def height_above_target_m(self) -> float:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from fwav_companion.types.pads import TagSizeM
+
 USUAL_SHARE = 0.1
 """One sigma of a height over the height, where the configuration has none. Adults are 1.7 m tall with a sigma of 0.1 m,
 and detectors do not distinguish them from children."""
@@ -26,6 +28,9 @@ class ElevatedTarget(msgspec.Struct, frozen=True, kw_only=True):
     downward in the world. ``ankles``: midway between the confident ankles of a pose model; without them as center."""
     motion: Literal["static", "moving"] | None = None
     """Motion of these targets; None: that of all, [tracking] motion. Another one needs the smoother."""
+
+    size_m: TagSizeM | None = None
+    """Side of the black square of a tag, metres: its size in the picture then measures the height; None: unknown."""
 
     @property
     def sigma_m(self) -> float:

@@ -13,7 +13,7 @@ from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
 from fwav_companion.config.estimation import GroundConfig
 from fwav_companion.fleet.options import FleetTable
-from fwav_companion.types import ElevatedTarget
+from fwav_companion.types import Pad, PadTag, ElevatedTarget
 from fwav_companion.vision.task import VisionTask
 
 TEXT = template("fwav-companion.toml")
@@ -38,7 +38,7 @@ def builtins_of(value: object) -> Any:
 
 def defaults() -> dict[str, object]:
     flat = flattened(builtins_of(Document()))
-    tables = ("link", "landmark", "signing", "target", "vision", "fleet")
+    tables = ("link", "landmark", "signing", "target", "pad", "vision", "fleet")
     return {key: value for key, value in flat.items() if key not in tables and value is not None}
 
 
@@ -88,7 +88,13 @@ def test_what_is_commented_out_is_right_too():
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
     assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
     assert set(shown["act"]) == set(ActTable.__struct_fields__)
-    assert config.target == (ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static"),)
+    assert config.target == (
+        ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static", size_m=0.16),
+    )
+    tag = PadTag(label="tag36h11:1", size_m=0.4)
+    assert config.pad == (Pad(label="pad", motion="static", tags=(tag,)),)
+    assert set(shown["pad"][-1]) == set(Pad.__struct_fields__)
+    assert set(shown["pad"][-1]["tags"][0]) == set(PadTag.__struct_fields__)
     assert set(shown["target"][-1]) == set(ElevatedTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
 

@@ -7,9 +7,12 @@ from hypothesis import strategies as st
 
 from fwav_companion.config import Config, parse
 from fwav_companion.errors import ConfigError
+from fwav_companion.types import Pad, PadTag
 
 LINK = '[[link]]\nname = "a"\nurl = "udpin://127.0.0.1:14550"\nrole = "autopilot"\n'
 BASE = f'camera.calibration = "camera.yaml"\n{LINK}'
+PAD_ALONE = '[[pad]]\nlabel = "p"\n'
+PAD = f"{BASE}{PAD_ALONE}"
 
 
 def error_of(text: str, *overrides: str) -> str:
@@ -27,6 +30,13 @@ def test_an_empty_relay_file_has_every_default():
     assert config.vision is None
     assert config.link == ()
     assert not config.localizes
+
+
+def test_pad_with_a_small_tag_in_the_blank_of_a_large_one_is_accepted():
+    tags = '{ label = "a", size_m = 0.4, yaw_deg = 90 }, { label = "b", size_m = 0.08 }'
+    config = parse(f"{PAD}landing_offset_m = [-2, 0.5]\nheight_m = 0.3\ntags = [{tags}]\n", "f.toml")
+    large, small = PadTag(label="a", size_m=0.4, yaw_deg=90.0), PadTag(label="b", size_m=0.08)
+    assert config.pad == (Pad(label="p", height_m=0.3, landing_offset_m=(-2.0, 0.5), tags=(large, small)),)
 
 
 def test_values_are_taken_as_they_stand():
@@ -140,8 +150,21 @@ FAULTS = {
     "a preview for everyone": (f'{BASE}[vision]\npreview = "0.0.0.0:8089"\n', '[vision] preview = "0.0.0.0:8089": beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of 16 characters or more, or 127.0.0.1:PORT'),
     "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
     "a target of another motion": (f'{BASE}[[target]]\nlabel = "a"\nmotion = "moving"\n', '[[target]] 1 motion = "moving": the tracker takes all targets as [tracking] motion; accepted: "static"'),
+    "a tag without an edge": (f'{BASE}[[target]]\nlabel = "a"\nsize_m = 0\n', "[[target]] 1 size_m = 0: accepted: a number, above 0 and at most 100"),
+    "a pad without tags": (f'{BASE}[[pad]]\nlabel = "p"\ntags = []\n', "[[pad]] 1 tags = []: accepted: a list of at least one tag"),
+    "a pad's tag without a size": (f'{PAD}tags = [{{ label = "a" }}]\n', "[[pad]] 1 tags[0] size_m: missing; accepted: a number, above 0 and at most 100"),
+    "a pad's tag of no size": (f'{PAD}tags = [{{ label = "a", size_m = 0.0 }}]\n', "[[pad]] 1 tags[0] size_m = 0.0: accepted: a number, above 0 and at most 100"),
+    "a pad's tag with another key": (f'{PAD}tags = [{{ label = "a", size = 0.1 }}]\n', '[[pad]] 1 tags[0] size = 0.1: unknown key; did you mean "size_m"?'),
+    "one tag twice on a pad": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}, {{ label = "a", size_m = 0.1, at_m = [1, 0] }}]\n', '[[pad]] 1 tags[1] label = "a": this [[pad]] has this tag already; accepted: each tag once'),
+    "one tag on two pads": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n[[pad]]\nlabel = "q"\ntags = [{{ label = "a", size_m = 0.1 }}]\n', '[[pad]] 2 tags[0] label = "a": [[pad]] 1 has this tag already; accepted: each tag once'),
+    "a pad's tag that is a target": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n[[target]]\nlabel = "a"\n', '[[pad]] 1 tags[0] label = "a": a [[target]] has this label; accepted: a tag that is of this pad alone'),
+    "a pad's tag that is a landmark": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n[[landmark]]\nlabel = "a"\nlat = 48.1\nlon = 11.5\nalt_amsl = 519.0\n', '[[pad]] 1 tags[0] label = "a": a [[landmark]] has this label; accepted: a tag that is of this pad alone'),
+    "two tags at one place": (f'{PAD}tags = [{{ label = "a", size_m = 0.1, at_m = [0.5, 0] }}, {{ label = "b", size_m = 0.15, at_m = [0.5, 0] }}]\n', "[[pad]] 1 tags[1] at_m = [0.5, 0]: a is at this place; accepted: a place of its own, or in another's blank with at most half of its size"),
+    "two pads of one label": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n{PAD_ALONE}tags = [{{ label = "b", size_m = 0.1 }}]\n', '[[pad]] 2 label = "p": another [[pad]] has this label; accepted: a label of its own'),
+    "a pad that is a target": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n[[target]]\nlabel = "p"\n', '[[pad]] 1 label = "p": a [[target]] has this label; accepted: a label of its own'),
+    "a pad of another motion": (f'{PAD}motion = "moving"\ntags = [{{ label = "a", size_m = 0.1 }}]\n', '[[pad]] 1 motion = "moving": the tracker takes all targets as [tracking] motion; accepted: "static"'),
     "a target below the ground": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = -1.0\n', "[[target]] 1 height_m = -1.0: accepted: a number from 0 to 1000"),
-    "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, target, landmark, ground, uncertainty, tracking, publish, act, fleet, record, state, status"),
+    "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, target, pad, landmark, ground, uncertainty, tracking, publish, act, fleet, record, state, status"),
 }  # fmt: skip
 
 
