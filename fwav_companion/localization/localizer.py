@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import hypot, isfinite, sqrt
 
 import msgspec
@@ -28,8 +29,19 @@ from fwav_companion.localization.ground_shape import (
     level_scatter_m,
 )
 from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
+from fwav_companion.localization.size_height import SizeHeights
 from fwav_companion.localization.terrain_ground import TerrainGround
-from fwav_companion.types import Bias, ErrorPriors, GimbalAt, GroundFix, NoFix, Reason, Sighting, TakeOff, VehicleState
+from fwav_companion.types import (
+    Bias,
+    ErrorPriors,
+    GimbalAt,
+    GroundFix,
+    NoFix,
+    Reason,
+    Sighting,
+    TakeOff,
+    VehicleState,
+)
 
 LARGEST_STRETCH = 0.15
 """Largest one sigma of the relative error of the ray's length by all angle errors; beyond it a fix is refused as too
@@ -40,6 +52,8 @@ sigma along the ray, and its mean normalised square is 1 + 3 k^2, at most 7 % to
 bounded by 0.15 of the claimed sigma, and a claimed 90 % ellipse still contains 88 %. For 1.2 degrees of angle error in
 all, the bound is a descent of 8 degrees below the horizon."""
 
+LEAST_HEIGHT_M = 0.02
+"""Least height above a pad, or a tag of known size, at which fixes are made, metres."""
 LEAST_TILT = 1e-3
 """Angle of the ray to the ground's normal, radians, below which no ridge can hide another."""
 LEVEL_GROUNDS = ("home", "fixed")
@@ -54,10 +68,15 @@ UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 class Localizer:
     """Converts sightings to fixes on one ground model. The only state is that of the ground."""
 
-    def __init__(self, ground: Ground, priors: ErrorPriors, *, min_height_m: float) -> None:
+    def __init__(
+        self, ground: Ground, priors: ErrorPriors, *, min_height_m: float, any_height: Collection[str] = ()
+    ) -> None:
+        """``any_height``: labels to which ``min_height_m`` does not apply: pads, and tags of known size."""
         self.ground = ground
         self._priors = priors
         self._min_height_m = min_height_m
+        self._any_height = frozenset(any_height)
+        self._size_heights = SizeHeights(priors)
         self._bias = bias_variances(priors)
         self._uneven = priors.sigma(Bias.TERRAIN) > 0.0
 
@@ -84,10 +103,13 @@ class Localizer:
 
     def _located(self, sighting: Sighting) -> GroundFix | NoFix:
         direction = transform(sighting.ned_from_camera, sighting.ray.direction)
-        meeting = self._meet(sighting, direction)
+        meeting, fused = self._meet(sighting, direction), None
+        if sighting.size_height is not None:
+            meeting, fused = self._size_heights.meet(sighting, direction, meeting, size=sighting.size_height)
         if isinstance(meeting, NoFix):
             return meeting
-        if not meeting.height_m >= self._min_height_m:
+        least_m = LEAST_HEIGHT_M if sighting.detection.label in self._any_height else self._min_height_m
+        if not meeting.height_m >= least_m:
             return NoFix(Reason.TOO_LOW)
         if self._uneven and meeting.ground in LEVEL_GROUNDS:
             meeting = msgspec.structs.replace(meeting, uneven=True)
@@ -108,6 +130,8 @@ class Localizer:
         state = sighting.state
         by_home = meeting.ground == "home"  # the other grounds are not known by the vehicle's height above home
         height_bias_m = state.height_bias_m if by_home else None
+        if fused is not None:
+            height_bias_m = fused.bias_m
         tilt = self._tilt_sigma(state)
         variances = self._variances(state.position_bias_m, height_bias_m, tilt)
         errors = ErrorModel(propagation, noise, variances, meeting)
@@ -119,6 +143,7 @@ class Localizer:
             errors=errors,
             ground=meeting.ground,
             level_sigma_m=errors.level_sigma_m,
+            best_height_m=None if fused is None else fused.height_m,
         )
 
     def _meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:

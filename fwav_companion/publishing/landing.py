@@ -17,6 +17,7 @@ from fwav_companion.publishing.landing_claim import image_motion_m_s, landing_si
 from fwav_companion.publishing.landing_reports import LandingReports, Refusal, Withheld
 from fwav_companion.publishing.landing_vector import (
     StateAt,
+    at_landing_point,
     in_body,
     landing_fields,
     relative_to_vehicle,
@@ -206,7 +207,7 @@ class Landing:
         state = state_when_used(situation, self.lag_s, self._state_at)
         if state is None:
             return _no_attitude(situation)
-        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
+        relative = self._relative(track, state)
         if relative is None:
             return Refusal(Withheld.NO_HEIGHT)
         motion_m_s = image_motion_m_s(self._fix, state, relative)
@@ -223,13 +224,19 @@ class Landing:
         local = None if self._local_position_at is None else self._local_position_at(state.boot_ns)
         if local is None:
             return Refusal(Withheld.NO_LOCAL_POSITION)
-        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
+        relative = self._relative(track, state)
         if relative is None:
             return Refusal(Withheld.NO_HEIGHT)
         motion_m_s = image_motion_m_s(self._fix, None, relative)
         refusal = self._uncertain(track, state, situation, motion_m_s=motion_m_s, by_attitude_m=0.0)
         point = (enums.MAV_FRAME_LOCAL_NED, add(local, relative))
         return refusal or self._outgoing(track, state, situation, point, body_frd=in_body(relative, state))
+
+    def _relative(self, track: Track, state: VehicleState) -> Vector3 | None:
+        """The vector from the vehicle to the landing point, NED, metres; None without a known height."""
+        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
+        camera_m = self._options.camera_position_m
+        return relative if relative is None else at_landing_point(relative, self._fix, state, camera_m)
 
     def _uncertain(
         self, track: Track, state: VehicleState, situation: Situation, *, motion_m_s: float, by_attitude_m: float

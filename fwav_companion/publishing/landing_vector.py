@@ -72,6 +72,23 @@ def relative_to_vehicle(
     return add(from_camera, rotate(state.ned_from_body, camera_position_m))
 
 
+def at_landing_point(
+    relative_ned: Vector3, fix: GroundFix | None, state: VehicleState, camera_position_m: Vector3
+) -> Vector3:
+    """The vector to a target's foot as one to the landing point, whose height a tag's size has measured in the fix.
+
+    Since the fix the vehicle has moved down by its velocity: the noise of its reported height is not in the vector.
+    """
+    if fix is None or fix.best_height_m is None:
+        return relative_ned
+    before = fix.sighting.state
+    age_s = s_from_ns(state.boot_ns - before.boot_ns)
+    velocities = [each for each in (before.velocity_ned, state.velocity_ned) if each is not None]
+    sunk_m = age_s * sum(down for _, _, down in velocities) / max(1, len(velocities))
+    arm_m = rotate(state.ned_from_body, camera_position_m)[2]
+    return (relative_ned[0], relative_ned[1], fix.best_height_m + arm_m - sunk_m)
+
+
 def in_body(relative_ned: Vector3, state: VehicleState) -> Vector3:
     """The vector in the body axes of ``state``, FRD."""
     return rotate(conjugate(state.ned_from_body), relative_ned)
@@ -123,10 +140,11 @@ def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
     """Height of the camera above the ground under the target, in a world without a global position.
 
     The fix is then relative to the point below the camera, so its horizontal distance and the direction of its ray give
-    the height. For a ray straight down they do not; then the autopilot's height above home is used.
+    the height. For a ray straight down they do not; then it is that by a tag's size, else the autopilot's above home.
     """
     north, east, down = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
     sideways = hypot(north, east)
     if sideways > LEAST_SIDEWAYS:
         return hypot(fix.position_ned[0], fix.position_ned[1]) / sideways * down
-    return state.height_above_home_m
+    size = fix.sighting.size_height
+    return state.height_above_home_m if size is None else size.height_m

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from fwav_companion.publishing.landing import Landing
 from fwav_companion.publishing.landing_reports import Withheld
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.types import AutopilotKind, Bias, Destination, Reason, TrackState, Unpaired
+from fwav_companion.types import AutopilotKind, Bias, Destination, Reason, SizeHeight, TrackState, Unpaired
 
 OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
 
@@ -173,6 +173,32 @@ def test_straight_below_the_height_is_the_autopilots_or_there_is_none(world, lan
     later = world.track(position_ned=(0.0, 0.0, 0.0), at=world.NOW + 1000)
     assert landing.on_tracks((later,), world.situation(world.NOW + 1000, plane=None, vehicle=unknown)) is None
     assert landing.last_withheld is Withheld.NO_HEIGHT
+
+
+def test_height_above_the_landing_point_is_that_of_the_tags_size_and_the_climb_since(world):
+    """Reported 10 m high by a barometer, 6 m above the tag 0.4 s ago, sinking at 0.5 m/s, the camera 0.1 m low."""
+    landing = Landing(structs.replace(OPTIONS, camera_position_m=(0.0, 0.0, 0.1)))
+    landing.lag_s = 0.0
+    before = world.NOW - 400_000_000
+    sinking = {"velocity": (0.0, 0.0, 0.5)}
+    fix = world.fix((4.0, 3.0, 0.0), at=before)
+    fix = structs.replace(
+        fix, best_height_m=6.0, sighting=structs.replace(fix.sighting, state=world.state(before, **sinking))
+    )
+    seen = world.track(fix=fix, at=before)
+    fields = landing.on_tracks((seen,), world.situation(vehicle=world.state(**sinking))).fields
+    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([4.0, 3.0, 5.9])
+    assert fields["distance"] == pytest.approx(np.linalg.norm([4.0, 3.0, 5.9]))
+
+
+@pytest.mark.parametrize("height_m", [None, 9.0])
+def test_height_straight_above_a_tag_of_known_size_needs_no_altitude(world, landing, height_m):
+    fix = world.fix((0.0, 0.0, 0.0))
+    by_size = structs.replace(fix.sighting, size_height=SizeHeight(5.0, 0.02, 0.01))
+    below = world.track(position_ned=(0.0, 0.0, 0.0), fix=structs.replace(fix, best_height_m=5.0, sighting=by_size))
+    hovering = world.state(position=None, velocity=None, height=height_m)
+    fields = landing.on_tracks((below,), world.situation(plane=None, vehicle=hovering)).fields
+    assert fields["z"] == pytest.approx(5.0)
 
 
 def refused(landing, track, situation):
