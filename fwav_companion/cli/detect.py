@@ -175,7 +175,7 @@ def configured_detector(config: Config, *, as_prior: bool = False) -> Detector:
             raise ConfigError(f'{config.file}: [vision] detector = "{task.detector}"; accepted with --sigma: "onnx"')
         task = msgspec.structs.replace(task, model_sigma="auto", model_bias=(0.0, 0.0))
     try:
-        return make_detector(task)
+        return make_detector(task, config.pad_tags)
     except DetectorError as error:
         raise ConfigError(f"{config.file}: {error}") from None
 

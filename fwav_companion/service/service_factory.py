@@ -64,9 +64,8 @@ def make_vision(
     if task is None:
         return None
     kept = config.record.pictures if config.record.directory else 0
-    return VisionProcess(
-        msgspec.structs.replace(task, size=task.size or image_size), receiver, on_state, desk, kept=kept
-    )
+    task = msgspec.structs.replace(task, size=task.size or image_size)
+    return VisionProcess(task, receiver, on_state, desk, kept=kept, pad_tags=config.pad_tags)
 
 
 def make_vision_task(config: Config) -> VisionTask | None:

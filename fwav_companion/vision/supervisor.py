@@ -79,12 +79,13 @@ class VisionProcess:
         desk: VisionDesk | None = None,
         *,
         kept: KeptPicturesRule = 0,
+        pad_tags: tuple[str, ...] = (),
     ) -> None:
         """``on_state`` is called when pictures begin to arrive or no longer do. ``kept``: the pictures that the desk
-        gets as JPEG.
+        gets as JPEG. ``pad_tags``: labels of the tags of pads.
         """
         self._command = worker_command(task.python)
-        self._orders = msgspec.json.encode(VisionOrders(task, kept))
+        self._orders = msgspec.json.encode(VisionOrders(task, kept, pad_tags))
         self._receiver = receiver
         self._on_state = on_state
         self._desk = desk

@@ -137,6 +137,8 @@ class VisionOrders(msgspec.Struct, frozen=True):
     """What to open, and how to detect."""
     kept: KeptPicturesRule
     """Which pictures to send as JPEG."""
+    pad_tags: tuple[str, ...] = ()
+    """Labels of the tags of pads, each detected under its own label."""
 
 
 class VisionState(msgspec.Struct, frozen=True):

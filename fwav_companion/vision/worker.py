@@ -124,7 +124,7 @@ def main() -> None:
     daemon = DaemonSocket(sock, hidden=dict(secrets_of(task)))
     cv2.setNumThreads(task.threads)  # leaves the other cores of a small board to the flight
     try:
-        detector, address = make_detector(task), parse_preview(task.preview)
+        detector, address = make_detector(task, orders.pad_tags), parse_preview(task.preview)
         preview = None if address is None else Preview(address, daemon.send)
         if preview is not None:
             daemon.on_marks = preview.on_marks

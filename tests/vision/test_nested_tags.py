@@ -70,3 +70,12 @@ def test_two_tags_beside_one_another_stay_two():
         picture[100:300, left : left + 200] = marker
     for _ in range(8):
         assert {each["label"] for each in detector.detect(picture)} == {"tag36h11:3", "tag36h11:9"}
+
+
+def test_tag_of_a_pad_keeps_its_own_label_in_another_tag():
+    """[[pad]] has the place and the size of each: the small one is not reported under the large one's label."""
+    detector, flat, labels = apriltags(apart=("tag36h11:3", "tag36h11:9")), pad(), []
+    for height_m in descent():
+        labels += [each["label"] for each in detector.detect(seen_from(height_m, flat)[0])]
+    assert labels[0] == "tag36h11:3"
+    assert labels[-1] == "tag36h11:9"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from fwav_companion.vision.images import Detector, Found, Pixels
 from fwav_companion.vision.task import VisionTask
 
@@ -11,8 +13,11 @@ def needs_color(task: VisionTask) -> bool:
     return task.detector in ("color", "onnx")
 
 
-def make_detector(task: VisionTask) -> Detector:
-    """The detector that the task names. DetectorError where it cannot work."""
+def make_detector(task: VisionTask, pad_tags: Collection[str] = ()) -> Detector:
+    """The detector that the task names. DetectorError where it cannot work.
+
+    ``pad_tags``: labels of the tags of pads, each reported under its own label.
+    """
     if task.detector == "color":
         from fwav_companion.vision.detectors.color import ColorDetector
 
@@ -25,7 +30,9 @@ def make_detector(task: VisionTask) -> Detector:
         return NoDetector()
     from fwav_companion.vision.detectors.markers import apriltags, aruco
 
-    return aruco(task.aruco_dictionary) if task.detector == "aruco" else apriltags(task.apriltag_family)
+    if task.detector == "aruco":
+        return aruco(task.aruco_dictionary, pad_tags)
+    return apriltags(task.apriltag_family, pad_tags)
 
 
 class NoDetector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import sqrt
 from typing import Final
 
@@ -32,8 +33,10 @@ PROFILES = 5
 class MarkerDetector:
     """Detector of the markers of one OpenCV dictionary."""
 
-    def __init__(self, dictionary: int, label: str, modules: int) -> None:
-        """``modules``: number along a side of the black square."""
+    def __init__(self, dictionary: int, label: str, modules: int, apart: Collection[str] = ()) -> None:
+        """``modules``: number along a side of the black square. ``apart``: labels of tags that never stand for another
+        one in which they lie.
+        """
         detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary))
         parameters = detector.getDetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -41,7 +44,7 @@ class MarkerDetector:
         self._detector = detector
         self._label = label
         self._modules = modules
-        self._nested = NestedTags()
+        self._nested = NestedTags(apart)
 
     def detect(self, pixels: Pixels) -> list[Found]:
         """The markers, each at the crossing of its diagonals."""
@@ -74,15 +77,15 @@ class MarkerDetector:
         }
 
 
-def apriltags(family: str = "36h11") -> MarkerDetector:
+def apriltags(family: str = "36h11", apart: Collection[str] = ()) -> MarkerDetector:
     """Detector of one of APRILTAG_FAMILIES."""
     dictionary, modules = APRILTAG_FAMILIES[family]
-    return MarkerDetector(dictionary, f"tag{family}", modules)
+    return MarkerDetector(dictionary, f"tag{family}", modules, apart)
 
 
-def aruco(dictionary: str) -> MarkerDetector:
+def aruco(dictionary: str, apart: Collection[str] = ()) -> MarkerDetector:
     """Detector of one of ARUCO_DICTIONARIES."""
-    return MarkerDetector(ARUCO_DICTIONARIES[dictionary], "aruco", int(dictionary[0]) + 2)
+    return MarkerDetector(ARUCO_DICTIONARIES[dictionary], "aruco", int(dictionary[0]) + 2, apart)
 
 
 def crossing_of_diagonals(quad: NDArray[np.float32]) -> tuple[float, float] | None:

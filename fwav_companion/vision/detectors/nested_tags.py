@@ -8,6 +8,7 @@ the recent place of the outer tag is reported under the outer tag's label, and a
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Collection
 from math import hypot
 
 from fwav_companion.vision.images import Found
@@ -28,7 +29,9 @@ MOST_PAIRS = 64
 class NestedTags:
     """The inner tags that were recognised, with the labels of their outer ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, apart: Collection[str] = ()) -> None:
+        """``apart``: labels of tags that are reported under their own label always: a [[pad]] knows their places."""
+        self._apart = frozenset(apart)
         self._seen: Counter[tuple[str, str]] = Counter()
         self._outer: dict[str, Found] = {}
         """Label and id of the outer tag by the inner tag's label."""
@@ -51,6 +54,8 @@ class NestedTags:
     def _outer_of(self, small: Found) -> Found | None:
         """Label and id of the outer tag in which a tag lies; None for one that lies alone."""
         label = small["label"]
+        if label in self._apart:
+            return None
         if label not in self._outer:
             for large in (each for picture in reversed(self._recent) for each in picture):
                 if _is_inside(small, large):
