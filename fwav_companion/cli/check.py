@@ -7,6 +7,7 @@ import json
 import sys
 import threading
 from math import nan
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -44,6 +45,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
             "examples:\n"
             "  fwav-companion check --config fwav-companion.toml\n"
             "  fwav-companion check --config fwav-companion.toml --shake --tag-size 0.16\n"
+            "  fwav-companion check --config fwav-companion.toml --pad pad.pdf\n"
             "  fwav-companion check --config fwav-companion.toml --click-delay\n\n"
             "--shake: lay a printed tag (AprilTag 36h11, or what [vision] names) on level ground, hold the vehicle\n"
             "half a metre to a metre above it so that the camera sees it, and follow the instructions: shake it for\n"
@@ -68,6 +70,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="M",
         type=_number(0.01, 10.0, "metres"),
         help="with --shake: the side of the tag's black square, metres",
+    )
+    parser.add_argument(
+        "--pad",
+        metavar="FILE",
+        type=Path,
+        help="write the sheets of the configured [[pad]] to a .pdf, or one to a .png, to print at true size",
     )
     parser.add_argument(
         "--click-delay",
@@ -98,9 +106,20 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
 def run(arguments: argparse.Namespace) -> int:
     """Gather the evidence, judge it and print the report; or guide a shake session."""
     with as_by_ctrl_c():
+        if arguments.pad is not None:
+            return _printed(arguments)
         if arguments.shake or arguments.tag_size is not None:
             return _shaken(arguments)
         return _clicked(arguments) if arguments.click_delay else _checked(arguments)
+
+
+def _printed(arguments: argparse.Namespace) -> int:
+    from fwav_companion.cli.pad_sheet import run_pad_sheet
+    from fwav_companion.config import load
+
+    if arguments.shake or arguments.tag_size is not None or arguments.click_delay:
+        raise UserError("--pad only writes a file: accepted: without --shake, --tag-size and --click-delay")
+    return run_pad_sheet(load(arguments.config), arguments.pad, as_json=arguments.json)
 
 
 def _clicked(arguments: argparse.Namespace) -> int:
