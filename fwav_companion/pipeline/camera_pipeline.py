@@ -25,6 +25,7 @@ from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
 from fwav_companion.pipeline.landmark_shift import LandmarkShift
+from fwav_companion.pipeline.pad_notices import CouldSee, PadJoiner, PadNotices, with_pads
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
@@ -75,6 +76,8 @@ class CameraParts(msgspec.Struct, frozen=True):
     readout: ReadoutAdvice
     """Decides whether the unknown readout limits the accuracy."""
     landmarks: LandmarkSights
+    pads: PadJoiner | None = None
+    """None without a pad and without a tag of known size."""
 
 
 MakeParts: TypeAlias = Callable[[KeptCalibration | None], CameraParts]
@@ -115,6 +118,7 @@ class CameraPipeline:
         self.look.pairer, self.look.localizer = pairer, parts.localizer
         self._pairer, self._localizer, self._reorder = pairer, parts.localizer, parts.reorder
         self._agreement, self.readout, self._landmarks = parts.agreement, parts.readout, parts.landmarks
+        self._pads, self.pad_news = parts.pads, PadNotices(parts.pads)
         self._image_px2 = float(prod(pairer.lens.image_size))
         self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
         self._shift = LandmarkShift(parts.landmarks.landmarks)
@@ -303,6 +307,9 @@ class CameraPipeline:
             self._target_log.refuse(paired, with_lines=self._sightings)
             return None
         self.refused, self._used_ns = None, now
+        could_see: CouldSee = paired.view.could_see if paired.view is not None else sees_nothing
+        if self._pads is not None:
+            paired, could_see = with_pads(paired, self._pads), self._pads.could_see(could_see)
         # Frames that waited for the clock are used together, but did not arrive together.
         self._meter.count("frames", now if frame.arrival_ns is None else frame.arrival_ns)
         located = [self._localizer.locate(sighting) for sighting in paired.sightings]
@@ -317,7 +324,7 @@ class CameraPipeline:
             host_ns=paired.host_ns,
             boot_ns=paired.boot_ns,
             fixes=tuple(fixes),
-            could_see=paired.view.could_see if paired.view is not None else sees_nothing,
+            could_see=could_see,
             vehicle_ned=paired.view.vehicle_ned if paired.view is not None else None,
             vehicle=None if isinstance(paired.state, Unpaired) else paired.state,
             unplaced=tuple(unplaced),

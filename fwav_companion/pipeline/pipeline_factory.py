@@ -42,6 +42,7 @@ from fwav_companion.pipeline.camera_pipeline import CameraParts, CameraPipeline
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
+from fwav_companion.pipeline.pad_notices import PadJoiner
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.target_log import TargetLog
@@ -214,12 +215,30 @@ def _camera_parts(
     tracker.reports_innovations = sightings
     return CameraParts(
         make_pairer(config, calibration),
-        localizer=Localizer(ground, config.priors, min_height_m=config.ground.min_height_m),
+        localizer=Localizer(
+            ground, config.priors, min_height_m=config.ground.min_height_m, any_height=_any_height(config)
+        ),
         reorder=Reorder(tracker, LATEST_FRAME_NS) if config.publish.landing_target else Reorder(tracker),
         agreement=FixAgreement(config.priors),
         readout=ReadoutAdvice(config.priors),
         landmarks=LandmarkSights(landmarks, config.priors, min_height_m=config.ground.min_height_m),
+        pads=_pads(config, calibration),
     )
+
+
+def _any_height(config: Config) -> tuple[str, ...]:
+    """Labels whose fixes are made at any height: pads, and tags of known size."""
+    sized = [target.label for target in config.target if target.size_m is not None]
+    return (*(pad.label for pad in config.pad), *sized)
+
+
+def _pads(config: Config, calibration: Calibration) -> PadJoiner | None:
+    """The pads, and the tags of known size; None without one."""
+    if not config.pad and all(target.size_m is None for target in config.target):
+        return None
+    from fwav_companion.pads.pad_sights import PadSights  # in numpy, which a daemon without pads does not load
+
+    return PadSights(config.pad, config.target, calibration.lens)
 
 
 def _tracker(
@@ -272,10 +291,16 @@ def make_pairer(config: Config, calibration: Calibration) -> Pairer:
         timing=camera_timing(config, calibration),
         pixel_noise_px=config.uncertainty.pixel_noise_px,
         min_score=config.detections.min_score,
-        labels=config.detections.labels,
+        labels=_used_labels(config),
         standing=config.target,
         latest_ns=LATEST_FRAME_NS if config.publish.landing_target else LATEST_NS,
     )
+
+
+def _used_labels(config: Config) -> tuple[str, ...]:
+    """Labels of the detections that are used, with those of the tags whose pad is among them; empty: all."""
+    labels = config.detections.labels
+    return (*labels, *(tag.label for pad in config.pad if pad.label in labels for tag in pad.tags))
 
 
 def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:

@@ -46,6 +46,7 @@ class SecondLines:
         if solves is not None:
             self._outputs.notify(self._solves.notices(solves), at)
         self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
+        self._outputs.notify(camera.pad_news.notices(), at)
         text = camera.shift_by_landmark()
         if text:
             self._terrain.report(camera, text, at)

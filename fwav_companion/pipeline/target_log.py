@@ -80,7 +80,8 @@ class TargetLog:
     def count(self, paired: PairedFrame, located: Sequence[GroundFix | NoFix]) -> None:
         """Count the fixes of a frame that was used, and its refused detections."""
         for _, reason, _ in paired.refused:
-            self.drop_detection(reason)
+            if reason is not Reason.PART_OF_PAD:  # its corners are in a fix
+                self.drop_detection(reason)
         for fix in located:
             if isinstance(fix, NoFix):
                 self.drop_detection(fix.reason)

@@ -181,3 +181,21 @@ def test_rows_at_different_instants_are_put_together():
     (seen,), refused = joined(scene, [scene.sighting(0, index=0), later.sighting(1, index=1)])
     assert refused == [(1, Reason.PART_OF_PAD, None)]
     assert angle_deg(toward(seen), scene.place(-1.5, 2.0)) < 0.01
+
+
+def test_pad_is_looked_for_where_its_tags_are_not_where_its_landing_point_is():
+    """The landing point is 2.5 m off the tags: a frame that shows it alone is no missed detection."""
+    scene, sights = Scene(BESIDE), PadSights([BESIDE], [], LENS)
+    landing_point = tuple(map(float, scene.place(-1.5, 2.0) + scene.camera))
+
+    def north_of(limit):
+        return sights.could_see(lambda place: place[0] > limit)
+
+    assert north_of(-100.0)(landing_point)  # before the first picture a place counts as itself
+    joined(scene, scene.sightings(), sights)
+    tags = [scene.ned_from_pad @ [*corner, 0.0] for tag in BESIDE.tags for corner in [tag.at_m]]
+    lowest, highest = min(tag[0] for tag in tags), max(tag[0] for tag in tags)
+    assert landing_point[0] < lowest - 0.5
+    assert north_of(lowest - 0.4)(landing_point)
+    assert not north_of(highest + 0.4)(landing_point)
+    assert not north_of(lowest - 0.4)((landing_point[0] - 5.0, *landing_point[1:]))

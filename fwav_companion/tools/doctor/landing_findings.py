@@ -169,7 +169,7 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem=f'"{wanted}" is not among [detections] labels: such detections are not used',
             fix=f'add "{wanted}" to [detections] labels',
         )
-    elif status.frames >= FRAMES and wanted not in heard.labels:
+    elif status.frames >= FRAMES and heard.labels.keys().isdisjoint(_names(evidence)):
         yield Finding(
             "landing_label",
             Level.WARNING if heard.labels else Level.NOTE,
@@ -177,6 +177,13 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem=f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
             fix="show the camera the landing target, or set landing_label to what the detector calls it",
         )
+
+
+def _names(evidence: Evidence) -> frozenset[str]:
+    """Labels of the detections that are of the landing target: its own, and those of its pad's tags."""
+    wanted = evidence.config.publish.landing_label
+    tags = (tag.label for pad in evidence.config.pad if pad.label == wanted for tag in pad.tags)
+    return frozenset({wanted, *tags})
 
 
 def labels_heard(status: RunStatus) -> str:
