@@ -97,7 +97,8 @@ class Pipeline:
                 self._handlers.of_telemetry(events, now)
             self._frames.take_ready(now)
         elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
-            self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)
+            if message.name != "DISTANCE_SENSOR" or not components.publisher.is_own_range(message, now):
+                self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)
             self._frames.take_ready(now)
         if self._live and message.name in ANSWERED:
             self._outputs.messages += components.commands.on_message(message, components.situation(now))
@@ -121,8 +122,9 @@ class Pipeline:
         self._due_is_known = not events and not taken and world.wake_at == due_ns
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
-        """Handle a recorded message that the service itself sent: its TIMESYNC requests are read from it."""
+        """Handle a recorded message that the service itself sent: its TIMESYNC requests and its ranges are read."""
         self.advance(now)
+        self._components.publisher.on_own_message(message, now)
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
             self._components.timesync.on_sent(message.fields.ts1, now, message.foreign_bytes)
             self._components.telemetry.clock.on_request(now)

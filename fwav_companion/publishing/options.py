@@ -28,6 +28,8 @@ class PublishTable(msgspec.Struct, frozen=True, kw_only=True):
     """Label of the landing target, required with landing_target: its oldest confirmed track is sent."""
     landing_max_sigma_m: Annotated[float, Meta(gt=0)] = 0.5
     """Largest sigma of the landing target relative to the vehicle, larger semi-axis, metres, at which it is sent."""
+    distance_sensor: bool = False
+    """Whether DISTANCE_SENSOR is sent from the size of a tag alone, for vehicles without a rangefinder."""
     statustext: bool = True
     """Whether texts are sent: target found, target lost, trouble, ready."""
     named_values: bool = True

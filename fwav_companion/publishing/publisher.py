@@ -11,6 +11,7 @@ from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.camera_component import CameraComponent
 from fwav_companion.publishing.cot_events import GeoidHeight, LookAt
 from fwav_companion.publishing.cot_markers import MapMarkers
+from fwav_companion.publishing.distance_sensor import TagRange
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, LocalPositionAt
@@ -21,7 +22,7 @@ from fwav_companion.publishing.target_report import track_report
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
 from fwav_companion.types.flight_status import PublishingReport, TrackReport
-from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
+from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.tracks import Track
@@ -65,6 +66,7 @@ class Publisher:
         self._selection = Selection(options)
         self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
         self.landing = Landing(options, state_at, local_position_at, self._notices.append)
+        self._tag_range = TagRange(options.camera_position_m, options.companion_component)
         self._camera = CameraComponent(options, self._selection, locate, self._notices.append, spots)
         self._target_notices = TargetNotices()
         self._announcer = Announcer(options)
@@ -104,6 +106,8 @@ class Publisher:
         """
         landing = self.landing.on_tracks(tracks, situation)
         out = [landing] if landing is not None else []
+        if self._options.distance_sensor and (reading := self._tag_range.on_tracks(tracks, situation)) is not None:
+            out.append(reading)
         self._selection.on_tracks(tracks)
         if self._sends_map:
             self._markers.on_tracks(tracks)
@@ -115,6 +119,17 @@ class Publisher:
         elif self._options.landing_target:
             self.wake_at = self._next_due()
         return out
+
+    def is_own_range(self, message: Message, now: HostNs) -> bool:
+        """Whether the autopilot's message repeats a DISTANCE_SENSOR of ours: then it is not to be used."""
+        if message.name != "DISTANCE_SENSOR" or not self._options.distance_sensor:
+            return False
+        return self._tag_range.is_ours(message.fields, now)
+
+    def on_own_message(self, message: Message, now: HostNs) -> None:
+        """Take a recorded message that the service itself sent: its ranges, which the autopilot may repeat."""
+        if message.name == "DISTANCE_SENSOR":
+            self._tag_range.on_own(message.fields.current_distance, now)
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
         """Messages that are due: LANDING_TARGET without a frame, tracking status, named values, map markers."""

@@ -62,6 +62,7 @@ camera_tracking = false
 landing_target = true
 landing_label = "pad"
 landing_max_sigma_m = 0.7
+distance_sensor = true
 statustext = false
 named_values = false
 adsb = true
