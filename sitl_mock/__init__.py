@@ -52,11 +52,11 @@ from sitl_mock.options import (
     Options,
     OthersOptions,
     Priors,
-    TargetOptions,
     WireOptions,
 )
 from sitl_mock.scenarios import SCENARIOS, scenario
 from sitl_mock.simulate import Event, Peer, Simulation, VehicleTruth, simulate
+from sitl_mock.target_options import TargetOptions
 from sitl_mock.vehicle import MockVehicle
 
 __all__ = [

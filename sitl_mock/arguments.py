@@ -13,8 +13,9 @@ from typing import Any, NoReturn, get_type_hints
 import msgspec
 
 from sitl_mock.autopilots import AUTOPILOTS
-from sitl_mock.options import Options, TargetOptions
+from sitl_mock.options import Options
 from sitl_mock.scenarios import SCENARIOS, scenario
+from sitl_mock.target_options import TargetOptions
 
 TARGET_NUMBERS = ("north", "east", "up", "speed_m_s", "course_deg", "leg_m")
 LONGEST_OFF_S = 10.0
@@ -153,7 +154,8 @@ def _target(text: str) -> TargetOptions:
         values = [inf]
     if not all(map(isfinite, values)):
         raise ValueError(f"--target {text!r}: expected finite numbers after the label")
-    return TargetOptions(label=label, **dict(zip(TARGET_NUMBERS, values, strict=False)))
+    placed: dict[str, Any] = dict(zip(TARGET_NUMBERS, values, strict=False))
+    return TargetOptions(label=label, **placed)
 
 
 def _pair(text: str) -> tuple[str, Any]:

@@ -18,6 +18,7 @@ from sitl_mock.flight import Flight
 from sitl_mock.gimbal import Gimbal
 from sitl_mock.lens import Lens, Pixel
 from sitl_mock.options import Options
+from sitl_mock.pads import PadTags
 from sitl_mock.rotation import (
     FORWARD_CAMERA,
     Matrix,
@@ -82,6 +83,7 @@ class MockCamera:
         self._tags: dict[int, GroundTag] = {}
         if self._c.corner_noise_px is not None:
             self._tags = {tag.target: tag for tag in tags(options, scene)}
+        self._pad_tags = PadTags(options.camera, options.seed, self.lens, self._rolled)
         self._frame = 0
         self.wake_at = self._ready_ns()
         """Instant at which the last row of the next frame has been read; None: the camera is off or has stopped."""
@@ -171,10 +173,15 @@ class MockCamera:
     def _shot(self) -> tuple[dict[str, Any], FrameTruth]:
         row0_s = self.row0_s(self._frame)
         found: list[tuple[int, str, Pixel]] = []
+        of_pads: list[tuple[int, dict[str, Any]]] = []
         visible = []
         for index, target in enumerate(self._scene):
             self._noise.next_target()
             pixel, t = self.true_pixel(target, row0_s)
+            if target.tags:
+                if not self._surface.hides(target.at(t), self._flight.at(t).position):
+                    of_pads.extend((index, each) for each in self._pad_tags.detections(target, row0_s))
+                continue
             if target.height_m:
                 left, top, right, bottom = self.box(target, row0_s)
                 pixel = (0.5 * (left + right), 0.5 * (top + bottom))
@@ -196,9 +203,11 @@ class MockCamera:
             "frame": self._frame,
             "size": list(self._c.image_size),
             "exposure_s": self._c.exposure_s,
-            "detections": [self._detection(*one, row0_s) for one in found],
+            "detections": [*(self._detection(*one, row0_s) for one in found), *(each for _, each in of_pads)],
         }
-        return message, FrameTruth(self._frame, row0_s, tuple(one[0] for one in found), tuple(visible))
+        visible.extend(sorted({index for index, _ in of_pads}))
+        sources = (*(one[0] for one in found), *(index for index, _ in of_pads))
+        return message, FrameTruth(self._frame, row0_s, sources, tuple(visible))
 
     def _detected(self, target: Target, pixel: Pixel, t: float) -> tuple[Pixel, bool] | None:
         """(noisy pixel, whether it belongs to the target), or None where the detection is missed or blurred away."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sitl_mock.options import TargetOptions
+from sitl_mock.target_options import PadTagOptions, TargetOptions
 
 COPTER: dict[str, Any] = {
     "flight.pitch_deg": 0.0,
@@ -34,6 +34,34 @@ DESCENT: dict[str, Any] = {
 }
 """15 m to 1 m in 45 s (0.31 m/s on average, 0.58 at most), then ten seconds at 1 m; stamps 40 ms late, as
 configured."""
+PAD_OF_THREE = TargetOptions(
+    label="pad",
+    heading_deg=65.0,
+    tags=(
+        PadTagOptions(label="tag36h11:0", size_m=0.4),
+        PadTagOptions(label="tag36h11:1", size_m=0.12, forward_m=0.36, right_m=0.14, yaw_deg=90.0),
+        PadTagOptions(label="tag36h11:2", size_m=0.04, forward_m=-0.27, right_m=-0.1),
+    ),
+)
+BESIDE_TAG = TargetOptions(
+    label="pad", heading_deg=65.0, tags=(PadTagOptions(label="tag36h11:0", size_m=0.2, right_m=-2.0),)
+)
+WIDE_ANGLE: dict[str, Any] = {
+    "camera.image_size": (1280, 960),
+    "camera.k_mm": (1.7, 0.02, 0.0, 0.0, 0.0),
+    "camera.pixels_per_mm": (376.0, 376.0),
+    "camera.principal_point": (640.0, 480.0),
+}
+"""42 deg to the image's upper and lower edge, 54 deg to its sides."""
+OVER_PAD: dict[str, Any] = {
+    **DESCENT,
+    **EXACT_POSITION,
+    "flight.waypoints": ((0.0, -1.0, 0.5, 8.0, 30.0), (4.0, -1.0, 0.5, 8.0, 30.0), (34.0, 0.0, 0.0, 0.3, 30.0)),
+    "camera.clutter": 0.0,
+    "camera.corner_noise_px": 0.3,
+    "seconds": 37.0,
+}
+"""8 m to 0.3 m in 30 s over a pad; corners of a sharp print."""
 PHOTOGRAPHS: dict[str, Any] = {
     **COPTER,
     "flight.pattern": "racetrack",
@@ -173,6 +201,14 @@ COPTER_SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "descent_shift": (
         "the same with a position that shifts by 0.4 m in the last ten seconds",
         {**DESCENT, **EXACT_POSITION, "autopilot.position_shifts": ((50.0, 58.0, 0.32, -0.24),)},
+    ),
+    "pad": (
+        "a copter descends from 8 m to 0.3 m over a pad of three tags of 0.4, 0.12 and 0.04 m",
+        {**OVER_PAD, "targets": (PAD_OF_THREE,)},
+    ),
+    "beside_tag": (
+        "a copter descends from 8 m to 0.3 m onto a place 2 m beside a tag of 0.2 m, wide angle",
+        {**OVER_PAD, **WIDE_ANGLE, "targets": (BESIDE_TAG,)},
     ),
     "photographs": ("a picture every 10 s from 60 m over three targets, attitudes at 4 Hz", PHOTOGRAPHS),
     "copter_hover_turns_climb": (

@@ -22,6 +22,7 @@ from sitl_mock.option_types import (
     Waypoint,
 )
 from sitl_mock.surface_options import SurfaceOptions
+from sitl_mock.target_options import TargetOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +180,7 @@ class CameraOptions:
     tag_side_m: float = 1.5
     """Side of the black square of every tag that is rendered or whose corners are reported."""
     corner_noise_px: float | None = None
-    """One sigma of a reported corner, per axis; None: corners are not reported."""
+    """One sigma of a reported corner, per axis; None: corners are not reported, but those of a pad exactly."""
     mirrored: Literal["", "left_right", "top_bottom"] = ""
     """Mirroring of the picture before detection."""
 
@@ -236,25 +237,6 @@ class GimbalOptions:
     """Time from which the gimbal is silent; 0: never silent."""
     nan_from_s: float = 0.0
     """Time from which its attitude has no number; 0: never."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TargetOptions:
-    """A target on the ground, relative to the flight centre."""
-
-    label: str = "target"
-    north: float = 0.0
-    east: float = 0.0
-    up: float = 0.0
-    speed_m_s: float = 0.0
-    course_deg: float = 0.0
-    leg_m: float = 0.0
-    """Length of a walk, then back again; 0: straight on."""
-    height_m: float = 0.0
-    """Height of a block that stands on the ground; its detections have a box and lie at the box's centre. 0: a
-    point."""
-    width_m: float = 0.0
-    """Side of the block's square base, along north and east."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from sitl_mock.copter_scenarios import COPTER_SCENARIOS
-from sitl_mock.options import Options, TargetOptions, WireOptions
+from sitl_mock.options import Options, WireOptions
+from sitl_mock.target_options import TargetOptions
 
 QUIET_WIRE = WireOptions(delay_s=0.001, jitter_s=0.0)
 THREE_TARGETS = (

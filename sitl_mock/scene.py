@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import cos, radians, sin
 
-from sitl_mock.options import Options, TargetOptions
+from sitl_mock.options import Options
 from sitl_mock.rotation import Vector
 from sitl_mock.surface import Surface
+from sitl_mock.target_options import TargetOptions
 
 CORNERS: tuple[Vector, ...] = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0))
 """Corners of a block in shares of its width, width and height, from the middle of its base."""
@@ -25,6 +26,8 @@ class Target:
         self.height_m, self._width_m = options.height_m, options.width_m
         course = radians(options.course_deg)
         self._velocity = (options.speed_m_s * cos(course), options.speed_m_s * sin(course))
+        self.tags = options.tags
+        self._heading, self._turn = radians(options.heading_deg), radians(options.turn_deg_s)
 
     def at(self, flight_s: float) -> Vector:
         """Position at an instant, NED, metres."""
@@ -38,6 +41,13 @@ class Target:
         """A corner of a block, NED, metres."""
         (north, east, down), (x, y, z) = self.at(flight_s), corner
         return (north + x * self._width_m, east + y * self._width_m, down - z * self.height_m)
+
+    def on_pad(self, forward_m: float, right_m: float, flight_s: float) -> Vector:
+        """A point of a pad about its landing point, NED, metres."""
+        north, east, down = self.at(flight_s)
+        heading = self._heading + self._turn * flight_s
+        c, s = cos(heading), sin(heading)
+        return (north + forward_m * c - right_m * s, east + forward_m * s + right_m * c, down)
 
     def velocity_at(self, flight_s: float) -> tuple[float, float]:
         """Velocity at an instant: north and east, m/s."""

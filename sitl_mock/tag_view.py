@@ -8,10 +8,8 @@ from typing import NamedTuple
 from sitl_mock.camera import MockCamera
 from sitl_mock.lens import Pixel
 from sitl_mock.scene import Target
-from sitl_mock.tags import MODULES, GroundTag
+from sitl_mock.tags import LEAST_MODULE_PX, MODULES, GroundTag
 
-LEAST_MODULE_PX = 2.5
-"""Smallest readable module, pixels: smaller ones merge with their neighbours."""
 MOST_BLUR_MODULES = 1.2
 """Largest readable motion during the exposure, modules; beyond it black and white mix: OpenCV's detector finds 97 in
 100 tags below it, half at 1.7, none beyond 2."""

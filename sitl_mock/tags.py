@@ -14,6 +14,8 @@ from sitl_mock.scene import Target
 FAMILY = "tag36h11"
 MODULES = 8
 """Modules along a side of the black square; a tag's size is the side of this square."""
+LEAST_MODULE_PX = 2.5
+"""Smallest readable module, pixels: smaller ones merge with their neighbours."""
 WITH_MARGIN = 10
 """Modules along a side of the board: the black square with a white margin of one module."""
 

@@ -51,11 +51,11 @@ class Companion:
         wall_steps: Sequence[tuple[int, float]] = (),
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
         elevation: Sequence[ElevationTile] = (),
-        smoother: SmootherOptions | None = None,
+        camera: str = CAMERA,
     ) -> None:
-        """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML."""
+        """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML. ``camera``: YAML."""
         self.config = parse(text, "flight.toml", settings)
-        self.calibration = parse_calibration(CAMERA, "camera.yaml")
+        self.calibration = parse_calibration(camera, "camera.yaml")
         self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
         self.pipeline: Pipeline = make_pipeline(
             self.config,
