@@ -25,6 +25,9 @@ LEAST_OFF_M: Final = 0.02
 """Least displacement of a contradicting tag, metres: less is how pads are built."""
 LEAST_OFF_SHARE: Final = 0.01
 """The same as a share of the range: lenses are calibrated to a few pixels over the whole picture."""
+FITTING_SQUARES: Final = 1e-4
+"""Sum of squares over that of the rays about their mean below which the known first corner is right: another one turns
+each tag by 90 degrees about its own centre, or all places by 90 degrees."""
 SHIFTED_SHARE: Final = 0.1
 """Sum of squares with another first corner over that with the known one, below which the other is right."""
 
@@ -160,7 +163,7 @@ def _cosine(a: Array, b: Array) -> float:
 
 def _known_shift(layout: PadLayout, sights: Sequence[TagSight], shift: int) -> int:
     """The detector's first corner: the known one, unless two tags fit by another one alone."""
-    if len(sights) < 2:
+    if len(sights) < 2 or _level_squares(seen_points(layout, sights, shift)) < FITTING_SQUARES:
         return shift
     squares = [_level_squares(seen_points(layout, sights, each)) for each in SHIFTS]
     best = min(SHIFTS, key=lambda each: squares[each])
@@ -168,14 +171,15 @@ def _known_shift(layout: PadLayout, sights: Sequence[TagSight], shift: int) -> i
 
 
 def _level_squares(points: SeenPoints) -> float:
-    """Sum of the squared residuals of a level pad, without unit."""
+    """Sum of the squared residuals of a level pad, over that of the rays about their mean."""
     found = level_pose(points)
     if found is None:
         return np.inf
     rotation, origin = found
     to_point = points.at @ rotation.T + origin - points.camera
     off = points.rays - to_point / np.linalg.norm(to_point, axis=1, keepdims=True)
-    return float((off * off).sum())
+    spread = points.rays - points.rays.mean(axis=0)
+    return float((off * off).sum()) / float((spread * spread).sum())
 
 
 def _contradicting(

@@ -32,7 +32,7 @@ LAYOUT_SIGMA_M: Final = 0.002
 LEAST_DOWN: Final = 0.05
 """Least down component of a unit ray to a corner: a pad nearer to the horizon is seen edge-on."""
 ITERATIONS: Final = 12
-LAST_STEP2: Final = 1e-16
+LAST_STEP2: Final = 1e-12
 """Squared step in radians and in shares of the range at which the iteration ends."""
 FLIPPED_TILT: Final = radians(3.0)
 """Tilt beyond which the mirrored tilt is tried, radians: below, both are one minimum."""
@@ -198,7 +198,9 @@ def _linearized(points: SeenPoints, rotation: Array, origin: Array) -> tuple[Arr
     along = np.einsum("mij,mj->mi", points.pixel_from_ray, directions)  # (M, 2)
     by_place = points.pixel_from_ray - along[..., None] * directions[:, None, :]  # (M, 2, 3)
     by_place = by_place * (weight / ranges[:, None])[..., None]
-    by_turn = np.cross(levers[:, None, :], by_place)  # a . (e x l) = e . (l x a)
+    (lx, ly, lz), (ax, ay, az) = levers.T[..., None], by_place.transpose(2, 0, 1)
+    # a . (e x l) = e . (l x a); np.cross costs as much as all else here
+    by_turn = np.stack([ly * az - lz * ay, lz * ax - lx * az, lx * ay - ly * ax], axis=-1)  # (M, 2, 3)
     normal = rotation[:, 2]
     tilt = np.zeros((2, 6))
     tilt[0, :3] = (0.0, normal[2], -normal[1])

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.geometry.vectors import Vector3, transform, transpose
+from fwav_companion.geometry.vectors import Vector3, dot, scale, subtract, transform, transpose
 from fwav_companion.pads.corner_order import clockwise
 from fwav_companion.pads.pad_layout import PadLayout
 from fwav_companion.pads.pad_measurement import PadMeasurement, TagSight, measured_pad
@@ -240,16 +240,15 @@ def tag_sight(sighting: Sighting, tag: int, reference: Sighting, lens: Lens) -> 
     if corners is None:
         return None
     width, height = lens.image_size
-    rays, by_pixel, seen = np.tile(_OVERHEAD, (4, 1)), np.zeros((4, 2, 3)), np.zeros(4, np.bool_)
+    rays, pixel_from_ray, seen = np.array([_OVERHEAD] * 4), np.zeros((4, 2, 3)), np.zeros(4, np.bool_)
     for corner, (u, v) in enumerate(corners):
         ray = lens.camera_ray_and_derivatives_from_pixel(u, v)
         if not isinstance(ray, NoRay) and -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5:
-            rays[corner], by_pixel[corner], seen[corner] = ray.direction, (ray.d_du, ray.d_dv), True
+            rays[corner], pixel_from_ray[corner], seen[corner] = ray.direction, _pixel_from_ray(ray), True
     if not seen.any():
         return None
     ned_from_camera = np.array(sighting.ned_from_camera)
-    pixel_from_ray = np.zeros((4, 2, 3))
-    pixel_from_ray[seen] = np.linalg.pinv(by_pixel[seen].transpose(0, 2, 1)) @ ned_from_camera.T
+    pixel_from_ray = pixel_from_ray @ ned_from_camera.T
     rays[seen] = rays[seen] @ ned_from_camera.T
     su, sv = sighting.pixel_sigma
     factor = 1.0 if sighting.detection.sigma is None else CORNER_SIGMA_FACTOR
@@ -263,6 +262,15 @@ def tag_sight(sighting: Sighting, tag: int, reference: Sighting, lens: Lens) -> 
         sigma_px=factor * hypot(su, sv) / hypot(1.0, 1.0),
         side_px=_shortest_side(corners),
     )
+
+
+def _pixel_from_ray(ray: Ray) -> tuple[Vector3, Vector3]:
+    """d(pixel)/d(ray), two rows: the pseudo-inverse of the columns d(ray)/du and d(ray)/dv."""
+    u, v = ray.d_du, ray.d_dv
+    uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
+    per_det = 1.0 / (uu * vv - uv * uv)
+    by_u = subtract(scale(u, vv * per_det), scale(v, uv * per_det))
+    return by_u, subtract(scale(v, uu * per_det), scale(u, uv * per_det))
 
 
 def _others(tags: Sequence[Sighting], measured: PadMeasurement) -> list[Refused]:

@@ -249,10 +249,16 @@ def _tracker(
 
     ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
     """
-    options = config.tracking if own_filter is not None else tracking_options(config)
-    priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
-    if smoother is not None and (options.filter == "kalman" or options.self_calibration):
-        smoothed = smoothed_tracker(
+    priors = config.priors
+    if own_filter is not None:
+        self_calibration = config.tracking.self_calibration
+        return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
+    options = tracking_options(config)
+    landmarks = [landmark.known for landmark in config.landmark]
+    smooths = options.filter == "kalman" and config.vehicle.position != "none"
+    if smoother is not None and smooths and isinstance(vehicle, Telemetry):
+        motion_of = {each.label: each.motion for each in (*config.target, *config.pad) if each.motion is not None}
+        return smoothed_tracker(
             options,
             priors,
             vehicle if isinstance(vehicle, SampleSource) else None,
