@@ -13,11 +13,12 @@ from math import hypot
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, add, norm
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.landing_claim import image_motion_m_s, landing_sigma_m
+from fwav_companion.publishing.landing_claim import image_motion_m_s, is_nearer, landing_sigma_m
 from fwav_companion.publishing.landing_reports import LandingReports, Refusal, Withheld
 from fwav_companion.publishing.landing_vector import (
     StateAt,
     at_landing_point,
+    by_fix,
     in_body,
     landing_fields,
     relative_to_vehicle,
@@ -234,9 +235,11 @@ class Landing:
 
     def _relative(self, track: Track, state: VehicleState) -> Vector3 | None:
         """The vector from the vehicle to the landing point, NED, metres; None without a known height."""
-        relative = relative_to_vehicle(track, self._fix, state, self._options.camera_position_m)
-        camera_m = self._options.camera_position_m
-        return relative if relative is None else at_landing_point(relative, self._fix, state, camera_m)
+        fix, camera_m = self._fix, self._options.camera_position_m
+        if fix is not None and is_nearer(fix, track):
+            return by_fix(fix, track, state, camera_m)
+        relative = relative_to_vehicle(track, fix, state, camera_m)
+        return relative if relative is None else at_landing_point(relative, fix, state, camera_m)
 
     def _uncertain(
         self, track: Track, state: VehicleState, situation: Situation, *, motion_m_s: float, by_attitude_m: float
@@ -244,7 +247,10 @@ class Landing:
         """The refusal where the claim is beyond the limit. ``motion_m_s``: metres a second of clock error."""
         age_s = abs(s_from_ns(state.boot_ns - track.boot_ns))
         clock_sigma_s = 0.0 if situation.clock is None else situation.clock.sigma_s
-        sigma_m = hypot(landing_sigma_m(track, state, age_s), clock_sigma_s * motion_m_s, by_attitude_m)
+        cov = track.relative_cov
+        if self._fix is not None and is_nearer(self._fix, track):
+            cov, age_s = self._fix.relative_cov, abs(s_from_ns(state.boot_ns - self._fix.sighting.boot_ns))
+        sigma_m = hypot(landing_sigma_m(track, cov, state, age_s=age_s), clock_sigma_s * motion_m_s, by_attitude_m)
         self._sigma_m = sigma_m
         return None if sigma_m <= self._options.landing_max_sigma_m else Refusal(Withheld.TOO_UNCERTAIN, sigma_m)
 

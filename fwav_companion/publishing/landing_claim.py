@@ -13,7 +13,7 @@ from math import hypot
 
 from fwav_companion.geometry.rotations import rotate
 from fwav_companion.geometry.small_matrices import scaled
-from fwav_companion.geometry.vectors import ZERO3, Vector3, add, add_matrices, cross
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, add_matrices, cross
 from fwav_companion.publishing.target_report import larger_sigma
 from fwav_companion.types.sightings import Bias, GroundFix
 from fwav_companion.types.telemetry import VehicleState
@@ -28,12 +28,24 @@ MANEUVER_M_S2 = 1.0
 """One sigma of the unknown acceleration of a target that moves, m/s^2: a walker who turns around within two seconds."""
 
 
-def landing_sigma_m(track: Track, state: VehicleState, age_s: float) -> float:
+def is_nearer(fix: GroundFix, track: Track) -> bool:
+    """Whether the last fix of a pad, or of a tag of known size, claims less than its track, and is to be landed on.
+
+    Low over a pad one picture shows where it is to centimetres. In the track, and in its difference to the reported
+    position now, is the noise of the reported positions; in the fix minus its own camera it is not.
+    """
+    if fix.best_height_m is None or fix.sighting.state.position_ned is None:
+        return False
+    return larger_sigma(fix.relative_cov) < larger_sigma(track.relative_cov)
+
+
+def landing_sigma_m(track: Track, cov: Matrix3, state: VehicleState, *, age_s: float) -> float:
     """One sigma of the target relative to the vehicle, larger semi-axis, metres; NaN where it is not known.
 
-    ``state``: the vehicle at the instant of the prediction; ``age_s``: time from the track's frame to that instant.
+    ``cov``: at the capture, of the track or of the fix that is landed on; ``state``: the vehicle at the instant of the
+    prediction; ``age_s``: time from the capture to that instant.
     """
-    cov, maneuver_m = track.relative_cov, 0.0
+    maneuver_m = 0.0
     if track.velocity_cov is not None:
         cov = add_matrices(cov, scaled(track.velocity_cov, age_s * age_s))
         maneuver_m = 0.5 * MANEUVER_M_S2 * age_s * age_s

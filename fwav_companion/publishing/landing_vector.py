@@ -16,7 +16,7 @@ from msgspec import structs
 
 from fwav_companion.geometry.rotations import conjugate, exp, multiply, rotate
 from fwav_companion.geometry.stamps import NS_PER_US, BootNs, HostNs, ns_from_s, s_from_ns
-from fwav_companion.geometry.vectors import Vector3, add, norm, scale, subtract, transform
+from fwav_companion.geometry.vectors import ZERO3, Vector3, add, norm, scale, subtract, transform
 from fwav_companion.publishing import enums
 from fwav_companion.types.sightings import GroundFix, Unpaired
 from fwav_companion.types.situation import Situation
@@ -72,6 +72,19 @@ def relative_to_vehicle(
     return add(from_camera, rotate(state.ned_from_body, camera_position_m))
 
 
+def by_fix(fix: GroundFix, track: Track, state: VehicleState, camera_position_m: Vector3) -> Vector3:
+    """The vector from the vehicle to the landing point by one fix alone, NED, metres: the target minus the vehicle at
+    the fix, less what they have moved since by their velocities.
+    """
+    before = fix.sighting.state
+    age_s = s_from_ns(state.boot_ns - before.boot_ns)
+    relative = subtract(fix.position_ned, before.position_ned or fix.sighting.camera_ned)
+    relative = subtract(relative, scale(_mean_velocity(before, state), age_s))
+    if track.velocity_ned is not None:
+        relative = add(relative, scale(track.velocity_ned, age_s))
+    return at_landing_point(relative, fix, state, camera_position_m)
+
+
 def at_landing_point(
     relative_ned: Vector3, fix: GroundFix | None, state: VehicleState, camera_position_m: Vector3
 ) -> Vector3:
@@ -83,10 +96,15 @@ def at_landing_point(
         return relative_ned
     before = fix.sighting.state
     age_s = s_from_ns(state.boot_ns - before.boot_ns)
-    velocities = [each for each in (before.velocity_ned, state.velocity_ned) if each is not None]
-    sunk_m = age_s * sum(down for _, _, down in velocities) / max(1, len(velocities))
+    sunk_m = age_s * _mean_velocity(before, state)[2]
     arm_m = rotate(state.ned_from_body, camera_position_m)[2]
     return (relative_ned[0], relative_ned[1], fix.best_height_m + arm_m - sunk_m)
+
+
+def _mean_velocity(before: VehicleState, after: VehicleState) -> Vector3:
+    """The mean velocity between two states, NED, m/s; zero where it is not known."""
+    known = [each for each in (before.velocity_ned, after.velocity_ned) if each is not None]
+    return ZERO3 if not known else scale(add(known[0], known[-1]), 0.5)
 
 
 def in_body(relative_ned: Vector3, state: VehicleState) -> Vector3:

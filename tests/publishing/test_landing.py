@@ -369,3 +369,28 @@ def test_landing_target_stamps_always_rise(world, landing):
             times.append(out.fields["time_usec"])
     assert times == sorted(set(times))
     assert len(times) == 4
+
+
+def test_landing_target_low_over_a_pad_is_the_last_fix_where_that_claims_less_than_the_track(world):
+    """The reported position jumps by 0.3 m of noise between the fix and now: it is not in the message."""
+    before = world.NOW - 100_000_000
+    moving = {"velocity": (0.5, 0.0, 0.0)}
+    for sigma_m, north_m in ((0.05, 4.0 - 1.0 - 0.05), (0.5, 4.0 - 1.35)):
+        landing = Landing(OPTIONS)
+        landing.lag_s = 0.0
+        fix = world.fix((4.0, 3.0, 0.0), at=before, cov=world.diagonal(sigma_m, sigma_m, sigma_m))
+        at_fix = world.state(before, position=(1.0, 0.0, -8.0), **moving)
+        sized = structs.replace(fix, best_height_m=6.0, sighting=structs.replace(fix.sighting, state=at_fix))
+        now = world.state(position=(1.35, 0.0, -8.0), **moving)
+        seen = world.track(fix=sized, at=before)
+        fields = landing.on_tracks((seen,), world.situation(vehicle=now)).fields
+        assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([north_m, 3.0, 6.0])
+        claim = landing.status(world.NOW).sigma_m
+        assert claim == pytest.approx(np.hypot(min(sigma_m, 0.3), 0.1 * 0.1), abs=2e-3)
+
+
+def test_fix_of_a_thing_without_a_known_size_is_not_landed_on_alone(world, landing):
+    """Its height is the autopilot's: the filter's place counts, whatever the fix claims."""
+    seen = world.track(fix=world.fix((9.0, 9.0, 0.0), cov=world.diagonal(0.01, 0.01, 0.01)))
+    fields = landing.on_tracks((seen,), world.situation()).fields
+    assert [fields["x"], fields["y"]] == pytest.approx([4.0, 3.0])
