@@ -34,8 +34,10 @@ def is_nearer(fix: GroundFix, track: Track) -> bool:
     Low over a pad one picture shows where it is to centimetres. In the track, and in its difference to the reported
     position now, is the noise of the reported positions; in the fix minus its own camera it is not.
     """
-    if fix.best_height_m is None or fix.sighting.state.position_ned is None:
+    if fix.best_height_m is None:
         return False
+    if fix.sighting.relative:  # a track that is still relative to a vehicle that moves is where the pad was
+        return True
     return larger_sigma(fix.relative_cov) < larger_sigma(track.relative_cov)
 
 

@@ -78,7 +78,10 @@ def by_fix(fix: GroundFix, track: Track, state: VehicleState, camera_position_m:
     """
     before = fix.sighting.state
     age_s = s_from_ns(state.boot_ns - before.boot_ns)
-    relative = subtract(fix.position_ned, before.position_ned or fix.sighting.camera_ned)
+    if fix.sighting.relative or before.position_ned is None:  # from the point below the camera
+        relative = add(fix.position_ned, rotate(before.ned_from_body, camera_position_m))
+    else:
+        relative = subtract(fix.position_ned, before.position_ned)
     relative = subtract(relative, scale(_mean_velocity(before, state), age_s))
     if track.velocity_ned is not None:
         relative = add(relative, scale(track.velocity_ned, age_s))

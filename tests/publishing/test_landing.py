@@ -394,3 +394,17 @@ def test_fix_of_a_thing_without_a_known_size_is_not_landed_on_alone(world, landi
     seen = world.track(fix=world.fix((9.0, 9.0, 0.0), cov=world.diagonal(0.01, 0.01, 0.01)))
     fields = landing.on_tracks((seen,), world.situation()).fields
     assert [fields["x"], fields["y"]] == pytest.approx([4.0, 3.0])
+
+
+def test_landing_target_without_a_position_is_the_last_fix_of_a_pad(world):
+    """The track, still relative to the vehicle, lies where the pad was; the camera is 0.3 m ahead of the vehicle."""
+    landing = Landing(structs.replace(OPTIONS, camera_position_m=(0.3, 0.0, 0.0)))
+    landing.lag_s = 0.0
+    fix = world.fix((1.0, 0.5, 0.0))
+    hovering = world.state(position=None, velocity=None)
+    sized = structs.replace(
+        fix, best_height_m=2.0, sighting=structs.replace(fix.sighting, state=hovering, relative=True)
+    )
+    track = world.track(position_ned=(1.6, 0.5, 0.0), fix=sized, relative_cov=world.diagonal(0.01, 0.01, 0.01))
+    fields = landing.on_tracks((track,), world.situation(plane=None, vehicle=hovering)).fields
+    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([1.3, 0.5, 2.0])
