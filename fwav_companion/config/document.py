@@ -25,7 +25,7 @@ from fwav_companion.fleet.options import FleetTable
 from fwav_companion.links.map_server import MapServer
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.types import ErrorPriors, Pad, ElevatedTarget
+from fwav_companion.types import ElevatedTarget, ErrorPriors, Pad
 from fwav_companion.types.secrets import redacted, secrets_of
 from fwav_companion.vision.source_names import SourceKind, source_kind
 from fwav_companion.vision.task import KeptPicturesRule, VisionTask

@@ -125,7 +125,7 @@ def _by_size_alone(
         distance_m,
         size.height_m,
         "size",
-        carried=True,
+        moves_with_camera=True,
         height_noise_m=size.noise_m,
     )
     bias_m = size.scale_sigma * size.height_m

@@ -18,6 +18,7 @@ from fwav_companion.pads.pad_measurement import PadMeasurement, TagSight, measur
 from fwav_companion.pads.pad_pose import Array, PadPose
 from fwav_companion.types import (
     Corners,
+    ElevatedTarget,
     Lens,
     NoRay,
     Pad,
@@ -28,7 +29,6 @@ from fwav_companion.types import (
     Reason,
     Sighting,
     SizeHeight,
-    ElevatedTarget,
 )
 
 CORNER_SIGMA_FACTOR: Final = 2.0

@@ -57,6 +57,7 @@ from fwav_companion.tracking import FrameTracker, Reorder, make_tracker, smoothe
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
+from fwav_companion.types import ElevatedTarget, Pad
 
 WANTED = frozenset(
     {
@@ -249,16 +250,10 @@ def _tracker(
 
     ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
     """
-    priors = config.priors
-    if own_filter is not None:
-        self_calibration = config.tracking.self_calibration
-        return tracker_with(own_filter, priors, vehicle.state_at, kept, self_calibration=self_calibration)
-    options = tracking_options(config)
-    landmarks = [landmark.known for landmark in config.landmark]
-    smooths = options.filter == "kalman" and config.vehicle.position != "none"
-    if smoother is not None and smooths and isinstance(vehicle, Telemetry):
-        motion_of = {each.label: each.motion for each in (*config.target, *config.pad) if each.motion is not None}
-        return smoothed_tracker(
+    options = config.tracking if own_filter is not None else tracking_options(config)
+    priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
+    if smoother is not None and (options.filter == "kalman" or options.self_calibration):
+        smoothed = smoothed_tracker(
             options,
             priors,
             vehicle if isinstance(vehicle, SampleSource) else None,
@@ -267,7 +262,7 @@ def _tracker(
             smoother=smoother,
             ground=ground.reference,
             landmarks=landmarks,
-            motion_of={target.label: target.motion for target in config.target if target.motion is not None},
+            motion_of=_motion_of(config),
             own_poses=not isinstance(vehicle, Telemetry),
         )
     if own_filter is not None:
@@ -278,6 +273,12 @@ def _tracker(
     if smoothed is not None and options.filter == "kalman":
         return smoothed
     return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed)
+
+
+def _motion_of(config: Config) -> dict[str, str]:
+    """Motion of the labels that have their own."""
+    things: tuple[ElevatedTarget | Pad, ...] = (*config.target, *config.pad)
+    return {thing.label: thing.motion for thing in things if thing.motion is not None}
 
 
 def own_components(config: Config) -> frozenset[int]:

@@ -13,7 +13,7 @@ from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
 from fwav_companion.config.estimation import GroundConfig
 from fwav_companion.fleet.options import FleetTable
-from fwav_companion.types import Pad, PadTag, ElevatedTarget
+from fwav_companion.types import ElevatedTarget, Pad, PadTag
 from fwav_companion.vision.task import VisionTask
 
 TEXT = template("fwav-companion.toml")

@@ -11,7 +11,7 @@ from seen_pads import LENS, THREE, Scene
 
 from fwav_companion.geometry.vectors import transform
 from fwav_companion.pads.pad_sights import PadSights
-from fwav_companion.types import Pad, PadTag, Reason, ElevatedTarget
+from fwav_companion.types import ElevatedTarget, Pad, PadTag, Reason
 
 BESIDE = msgspec.structs.replace(THREE, landing_offset_m=(-1.5, 2.0), height_m=0.3)
 

@@ -51,6 +51,7 @@ class Companion:
         wall_steps: Sequence[tuple[int, float]] = (),
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
         elevation: Sequence[ElevationTile] = (),
+        smoother: SmootherOptions | None = None,
         camera: str = CAMERA,
     ) -> None:
         """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML. ``camera``: YAML."""

@@ -29,9 +29,9 @@ MOST_PAIRS = 64
 class NestedTags:
     """The inner tags that were recognised, with the labels of their outer ones."""
 
-    def __init__(self, apart: Collection[str] = ()) -> None:
-        """``apart``: labels of tags that are reported under their own label always: a [[pad]] knows their places."""
-        self._apart = frozenset(apart)
+    def __init__(self, own_labels: Collection[str] = ()) -> None:
+        """``own_labels``: labels of tags that are always reported under their own: a [[pad]] knows their places."""
+        self._own_labels = frozenset(own_labels)
         self._seen: Counter[tuple[str, str]] = Counter()
         self._outer: dict[str, Found] = {}
         """Label and id of the outer tag by the inner tag's label."""
@@ -54,7 +54,7 @@ class NestedTags:
     def _outer_of(self, small: Found) -> Found | None:
         """Label and id of the outer tag in which a tag lies; None for one that lies alone."""
         label = small["label"]
-        if label in self._apart:
+        if label in self._own_labels:
             return None
         if label not in self._outer:
             for large in (each for picture in reversed(self._recent) for each in picture):

@@ -6,6 +6,7 @@ from hearing import found, heard
 
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
+from fwav_companion.types import Pad, PadTag
 from fwav_companion.types.flight_status import LandingReport
 from sitl_mock import scenario
 
@@ -68,6 +69,13 @@ def test_a_landing_label_that_never_comes_is_named_with_what_came():
     assert (finding.code, finding.level) == ("landing_label", Level.WARNING)
     assert '"pad"' in finding.problem
     assert '"target" (' in finding.problem
+
+
+def test_landing_label_of_a_pad_comes_with_the_pads_tags():
+    evidence = heard(HEALTHY, [LANDING[0], "publish.landing_label=pad"])
+    pad = Pad(label="pad", tags=(PadTag(label="target", size_m=0.2),))
+    config = msgspec.structs.replace(evidence.config, pad=(pad,))
+    assert examine(msgspec.structs.replace(evidence, config=config)) == []
 
 
 def test_a_landing_label_is_only_noted_while_nothing_at_all_is_seen():
