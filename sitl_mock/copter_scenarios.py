@@ -38,9 +38,9 @@ PAD_OF_THREE = TargetOptions(
     label="pad",
     heading_deg=65.0,
     tags=(
-        PadTagOptions(label="tag36h11:0", size_m=0.4),
-        PadTagOptions(label="tag36h11:1", size_m=0.12, forward_m=0.36, right_m=0.14, yaw_deg=90.0),
-        PadTagOptions(label="tag36h11:2", size_m=0.04, forward_m=-0.27, right_m=-0.1),
+        PadTagOptions(label="tag36h11:0", size_m=0.4, forward_m=-0.33),
+        PadTagOptions(label="tag36h11:1", size_m=0.12, forward_m=0.13, right_m=0.04, yaw_deg=90.0),
+        PadTagOptions(label="tag36h11:2", size_m=0.04),
     ),
 )
 BESIDE_TAG = TargetOptions(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from math import hypot, isfinite, sqrt
 
 import msgspec
@@ -68,14 +67,11 @@ UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 class Localizer:
     """Converts sightings to fixes on one ground model. The only state is that of the ground."""
 
-    def __init__(
-        self, ground: Ground, priors: ErrorPriors, *, min_height_m: float, any_height: Collection[str] = ()
-    ) -> None:
-        """``any_height``: labels to which ``min_height_m`` does not apply: pads, and tags of known size."""
+    def __init__(self, ground: Ground, priors: ErrorPriors, *, min_height_m: float) -> None:
+        """``min_height_m`` does not apply to pads and tags whose size shows the height."""
         self.ground = ground
         self._priors = priors
         self._min_height_m = min_height_m
-        self._any_height = frozenset(any_height)
         self._size_heights = SizeHeights(priors)
         self._bias = bias_variances(priors)
         self._uneven = priors.sigma(Bias.TERRAIN) > 0.0
@@ -108,7 +104,7 @@ class Localizer:
             meeting, fused = self._size_heights.meet(sighting, direction, meeting, size=sighting.size_height)
         if isinstance(meeting, NoFix):
             return meeting
-        least_m = LEAST_HEIGHT_M if sighting.detection.label in self._any_height else self._min_height_m
+        least_m = self._min_height_m if fused is None else LEAST_HEIGHT_M
         if not meeting.height_m >= least_m:
             return NoFix(Reason.TOO_LOW)
         if self._uneven and meeting.ground in LEVEL_GROUNDS:

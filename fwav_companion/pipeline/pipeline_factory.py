@@ -216,21 +216,13 @@ def _camera_parts(
     tracker.reports_innovations = sightings
     return CameraParts(
         make_pairer(config, calibration),
-        localizer=Localizer(
-            ground, config.priors, min_height_m=config.ground.min_height_m, any_height=_any_height(config)
-        ),
+        localizer=Localizer(ground, config.priors, min_height_m=config.ground.min_height_m),
         reorder=Reorder(tracker, LATEST_FRAME_NS) if config.publish.landing_target else Reorder(tracker),
         agreement=FixAgreement(config.priors),
         readout=ReadoutAdvice(config.priors),
         landmarks=LandmarkSights(landmarks, config.priors, min_height_m=config.ground.min_height_m),
         pads=_pads(config, calibration),
     )
-
-
-def _any_height(config: Config) -> tuple[str, ...]:
-    """Labels whose fixes are made at any height: pads, and tags of known size."""
-    sized = [target.label for target in config.target if target.size_m is not None]
-    return (*(pad.label for pad in config.pad), *sized)
 
 
 def _pads(config: Config, calibration: Calibration) -> PadJoiner | None:

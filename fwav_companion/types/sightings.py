@@ -213,6 +213,8 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     @property
     def height_above_target_m(self) -> float:
         """Height of the camera above the detected point, metres. The point is on the ground, or higher on a target."""
+        if self.best_height_m is not None:
+            return self.best_height_m
         return self.position_ned[2] - self.sighting.camera_ned[2] - self.sighting.anchor_height_m
 
     @property

@@ -153,14 +153,15 @@ def test_tag_on_a_thing_is_at_its_own_height():
     assert fix.position_ned[2] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_pad_is_located_below_the_least_height():
-    seen = low(height_m=0.3, size=False)
-    assert located(seen).reason is Reason.TOO_LOW
-    assert isinstance(located(seen, any_height=("",)), GroundFix)
-    assert located(seen, ground=FixedGround(0.01), any_height=("",)).reason is Reason.TOO_LOW
+def test_tag_of_known_size_is_located_below_the_least_height():
+    assert located(low(height_m=0.3, size=False)).reason is Reason.TOO_LOW
+    fix = located(low(height_m=0.3))
+    assert off_m(fix) < 0.03
+    assert fix.drop_m == fix.best_height_m
+    assert located(low(height_m=0.01), FixedGround(0.01)).reason is Reason.TOO_LOW
 
 
 def test_pad_below_a_barometers_ground_is_located_by_its_size():
     seen = low(too_high_m=-0.5, height_m=0.3)
-    assert located(msgspec.structs.replace(seen, size_height=None), any_height=("",)).reason is Reason.TOO_LOW
-    assert off_m(located(seen, any_height=("",))) < 0.03
+    assert located(msgspec.structs.replace(seen, size_height=None)).reason is Reason.TOO_LOW
+    assert off_m(located(seen)) < 0.03

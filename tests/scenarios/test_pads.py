@@ -15,9 +15,9 @@ LANDING = '[publish]\nlanding_target = true\nlanding_label = "pad"\n'
 THREE = """[[pad]]
 label = "pad"
 tags = [
-    { label = "tag36h11:0", size_m = 0.4 },
-    { label = "tag36h11:1", size_m = 0.12, at_m = [0.36, 0.14], yaw_deg = 90.0 },
-    { label = "tag36h11:2", size_m = 0.04, at_m = [-0.27, -0.1] },
+    { label = "tag36h11:0", size_m = 0.4, at_m = [-0.33, 0.0] },
+    { label = "tag36h11:1", size_m = 0.12, at_m = [0.13, 0.04], yaw_deg = 90.0 },
+    { label = "tag36h11:2", size_m = 0.04 },
 ]
 """
 BESIDE = """[[pad]]
@@ -62,20 +62,21 @@ def test_pad_of_three_sizes_is_one_track_from_eight_metres_to_the_ground():
     assert all(line["state"] != "dropped" for line in lines)
 
 
-def test_landing_target_flows_in_the_frames_that_show_the_pad_down_to_half_a_metre():
+def test_landing_target_flows_in_the_frames_that_show_the_pad_down_to_a_third_of_a_metre():
     flight = flown("pad", THREE)
     fixes = [line for line in flight.companion.targets("pad") if line["fix"] and line["state"] == "confirmed"]
     assert len(flight.accepted_landings) >= 0.95 * len(fixes)
     lowest = min(-flight.mock.flight.at(each["flight_s"]).position[2] for each in flight.accepted_landings)
-    assert lowest < 0.5
+    assert lowest < 0.33
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_landing_point_of_a_pad_is_found_to_centimetres_near_the_ground(seed):
-    """Two centimetres of the pad are two degrees of the mount, which these flights draw with a sigma of one."""
-    horizontal, vertical = errors(flown("pad", THREE, seed), below_m=1.0).T
-    assert np.median(horizontal) < 0.05
-    assert np.quantile(np.abs(vertical), 0.9) < 0.04
+    """A degree of the mount, one sigma of its draw, is 1 cm at half a metre."""
+    horizontal, vertical = errors(flown("pad", THREE, seed), below_m=0.5).T
+    assert len(horizontal) > 100
+    assert np.median(horizontal) < 0.03
+    assert np.quantile(np.abs(vertical), 0.9) < 0.02
 
 
 @pytest.mark.parametrize("seed", SEEDS)

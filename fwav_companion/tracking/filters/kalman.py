@@ -9,7 +9,13 @@ from msgspec.structs import replace
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
-from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
+from fwav_companion.tracking.filters.linearization import (
+    LinearizationPoint,
+    first_point,
+    height_noise_m,
+    is_level,
+    level_columns,
+)
 from fwav_companion.tracking.filters.maneuver import JUMPED, ManeuverLag
 from fwav_companion.tracking.filters.relative_estimate import relative_estimate
 from fwav_companion.tracking.filters.schmidt_kalman import first_down, first_point_estimate, scattered
@@ -87,7 +93,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             return self.point, errors.at_own_ray(measurement, fix, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
         height_m, priors = fix.height_above_target_m, errors.priors
-        point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=priors.height_noise_m)
+        point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=height_noise_m(fix, priors))
         if priors.position_noise_m**2 > (OWN_RAY * point.height_m) ** 2:
             scale = point.height_m / height_m
             toward_n, toward_e = scale * (fix_n - camera_n), scale * (fix_e - camera_e)
@@ -116,7 +122,7 @@ class StaticKalman:
             apparent=apparent,
             predicted=apparent,
             down=first_down(measurement),
-            point=first_point(fix, model.errors.priors.height_noise_m),
+            point=first_point(fix, height_noise_m(fix, model.errors.priors)),
             apart_ns=apart_at(fix),
             placed_ns=host_ns,
             fixed_ns=host_ns,

@@ -17,7 +17,7 @@ from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.vectors import Vector3, combination
 from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S
-from fwav_companion.types import Bias, GroundFix
+from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
 MEAN_S = 0.7
 """Time constant of the running mean of the fixes, seconds: three wing beats of 5 Hz. Between 0.5 and 1 s the errors
@@ -78,6 +78,14 @@ def first_point(fix: GroundFix, sigma_m: float) -> LinearizationPoint:
     """The point of a first fix: the fix itself. ``sigma_m``: noise of its height."""
     height_cov = (height_variance(sigma_m, TELEMETRY_STEP_S), 0.0, START_CLIMB_VARIANCE)
     return LinearizationPoint(fix.height_above_target_m, 0.0, height_cov, fix.position_ned[0], fix.position_ned[1])
+
+
+def height_noise_m(fix: GroundFix, priors: ErrorPriors) -> float:
+    """One sigma of the noise of a fix's height, metres; 0, which is the least one, of a height by a tag's size.
+
+    Low over a pad a height that is smoothed by the barometer's noise lags behind the descent, and passes the ground.
+    """
+    return priors.height_noise_m if fix.best_height_m is None else 0.0
 
 
 def height_variance(sigma_m: float, interval_s: float) -> float:
