@@ -63,6 +63,8 @@ class AutopilotOptions:
     """PLND_CAM_POS_X, _Y, _Z."""
     precland_offset_cm: tuple[float, float] = (0.0, 0.0)
     """PLND_LAND_OFS_X, _Y."""
+    precland_parameters: dict[str, float] = field(default_factory=dict)
+    """Further PLND_ parameters that are not ArduPilot's defaults; the mock's landing does not apply them."""
     reversed_axes: tuple[Literal["roll", "pitch", "yaw"], ...] = ()
     """Axes whose attitudes and rates are reported with the opposite sign."""
     has_quaternion: bool = True

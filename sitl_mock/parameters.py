@@ -12,6 +12,14 @@ from sitl_mock.codec import Heard
 from sitl_mock.radio import Radio
 
 INT32, REAL32 = 6, 9
+PRECLAND_DEFAULTS: dict[str, float] = {
+    "PLND_STRICT": 1,
+    "PLND_RET_MAX": 4,
+    "PLND_XY_DIST_MAX": 2.5,
+    "PLND_ALT_MIN": 0.75,
+    "PLND_ALT_MAX": 8.0,
+}
+"""What AC_PrecLand does without a target, by ArduPilot's defaults."""
 
 
 class Parameters:
@@ -74,5 +82,7 @@ def _values(o: AutopilotOptions) -> dict[str, float]:
         "PLND_ORIENT": o.precland_orient,
         **{f"PLND_CAM_POS_{axis}": float(m) for axis, m in zip("XYZ", o.precland_camera_m, strict=True)},
         **{f"PLND_LAND_OFS_{axis}": float(cm) for axis, cm in zip("XY", o.precland_offset_cm, strict=True)},
+        **PRECLAND_DEFAULTS,
+        **o.precland_parameters,
         "RNGFND1_TYPE": int(o.rangefinder),
     }

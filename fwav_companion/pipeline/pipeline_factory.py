@@ -34,6 +34,7 @@ from fwav_companion.localization import (
 )
 from fwav_companion.mavlink.client.commands import Commands, Handler
 from fwav_companion.mavlink.client.identity import Identity
+from fwav_companion.mavlink.client.one_shot_requests import FOLLOWED, LANDING_LIMITS
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
@@ -145,7 +146,7 @@ def make_pipeline(
         default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
         attitude_message=config.vehicle.attitude_message,
         component=component,
-        follows=config.act is not None and config.act.follow_target,
+        more_parameters=_more_parameters(config),
     )
     rates.gate = timesync.leaves_link_free
     components = Components(
@@ -160,6 +161,12 @@ def make_pipeline(
         spots=spots,
     )
     return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def _more_parameters(config: Config) -> tuple[str, ...]:
+    """The autopilot's parameters that matter for what this configuration sends."""
+    follows = config.act is not None and config.act.follow_target
+    return ((FOLLOWED,) if follows else ()) + (LANDING_LIMITS if config.publish.landing_label else ())
 
 
 def _bauds(config: Config) -> dict[str, int]:

@@ -80,6 +80,7 @@ class Intake:
             "GPS_RAW_INT": self._on_gps_raw,
             "EKF_STATUS_REPORT": self._on_ardupilot_filter,
             "ESTIMATOR_STATUS": self._on_px4_filter,
+            "EXTENDED_SYS_STATE": self._on_extended_state,
             "GPS_GLOBAL_ORIGIN": self._on_global_origin,
             "HOME_POSITION": self._on_home,
             "TERRAIN_REPORT": self._on_terrain,
@@ -221,13 +222,19 @@ class Intake:
         return ()
 
     def _on_ardupilot_filter(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._world.filter_status.on_ardupilot_filter(fields)
         if self._kept.position_bias is not None:
             self._kept.position_bias.on_ardupilot_filter(fields)
         return ()
 
     def _on_px4_filter(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._world.filter_status.on_px4_filter(fields)
         if self._kept.position_bias is not None:
             self._kept.position_bias.on_px4_filter(fields)
+        return ()
+
+    def _on_extended_state(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._world.filter_status.on_landed_state(fields.landed_state)
         return ()
 
     def _on_global_origin(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:

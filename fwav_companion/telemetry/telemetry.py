@@ -274,6 +274,7 @@ class Telemetry:
             attitude_stamps_in_step=self._stamps.in_step,
             pitch_trim_undone_deg=self._intake.trim_undone_deg if source == EULER else None,
             relative_world=self.world.relative,
+            local_trouble=self.world.filter_status.local_trouble,
             height_source=self._kept.height_source,
             barometer_starts_in_air=self._kept.barometer.starts_in_air,
             home_down_m=self.world.home_down_m,

@@ -8,6 +8,7 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.decoding import FIX_3D, Position
 from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
+from fwav_companion.telemetry.filter_status import FilterStatus
 from fwav_companion.types import TakeOff, TakeOffSource
 
 PATIENCE_NS = 10 * NS_PER_S
@@ -43,6 +44,8 @@ class World:
         """Tangent plane about the origin; None while there is no origin."""
         self.relative: bool | None = None if use_position else True
         """Whether targets are relative to the point below the camera; None while that is undecided."""
+        self.filter_status = FilterStatus()
+        """What the autopilot's filter reports of its position."""
         self.home_down_m = 0.0
         """Home surface, metres below the origin."""
         self._use_position = use_position
@@ -100,6 +103,7 @@ class World:
     def on_heartbeat(self, *, armed: bool) -> tuple[WorldEvent, ...]:
         """Take whether the vehicle is armed. Its take-off place is where it is armed, or at rest and disarmed."""
         was, self._armed = self._armed, armed
+        self.filter_status.on_heartbeat(armed=armed)
         if self._last is None or self._last.place is None:
             return ()
         if armed:

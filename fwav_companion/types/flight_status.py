@@ -106,6 +106,8 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     pitch_trim_undone_deg: float | None = None
     relative_world: bool | None = None
     """Whether targets are relative to the vehicle; None until it is decided."""
+    local_trouble: str | None = None
+    """Why the autopilot does not vouch for its local position; "" where it does, None before its filter's report."""
     height_source: str | None = None
     """What shows the height above home now; None without a height."""
     barometer_starts_in_air: bool = False

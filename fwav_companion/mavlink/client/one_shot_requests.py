@@ -22,9 +22,11 @@ LANDING_PARAMETERS = (
 Read by ``check``."""
 PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", *LANDING_PARAMETERS)
 """Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, and precision landing. Fourteen
-requests at once, and one for FOLLOWED, fit its queue of 20 (GCS_Param.cpp)."""
+requests at once, FOLLOWED and the five of LANDING_LIMITS just fit its queue of 20 (GCS_Param.cpp)."""
 FOLLOWED = "FOLL_SYSID"
 """System that ArduPilot follows: asked for where this service sends FOLLOW_TARGET."""
+LANDING_LIMITS = ("PLND_STRICT", "PLND_RET_MAX", "PLND_XY_DIST_MAX", "PLND_ALT_MIN", "PLND_ALT_MAX")
+"""What AC_PrecLand does without a target: asked for where [publish] landing_label names one, and read by ``check``."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3
 """Rounds of requests: a copter has no PTCH_TRIM_DEG, and does not answer a request for it."""
@@ -33,10 +35,10 @@ PARAMETER_ROUNDS = 3
 class OneShotRequests:
     """Sends REQUEST_MESSAGE until each message is heard, and PARAM_REQUEST_READ at most three times."""
 
-    def __init__(self, component: int, *, follows: bool = False):
-        """``follows``: this service sends FOLLOW_TARGET."""
+    def __init__(self, component: int, *, more_parameters: tuple[str, ...] = ()):
+        """``more_parameters``: names in addition to PARAMETERS."""
         self._component = component
-        self._names = (*PARAMETERS, FOLLOWED) if follows else PARAMETERS
+        self._names = (*PARAMETERS, *more_parameters)
         self._autopilot: Autopilot | None = None
         self._seldom_ns: dict[str, HostNs] = {}
         self._round_ns: HostNs | None = None

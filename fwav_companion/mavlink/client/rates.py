@@ -54,10 +54,10 @@ class Rates:
         *,
         attitude_message: str = "auto",
         component: int = 191,
-        follows: bool = False,
+        more_parameters: tuple[str, ...] = (),
     ):
-        """Start without an autopilot. ``wanted``: hertz by message name, the most important first. ``follows``: this
-        service sends FOLLOW_TARGET.
+        """Start without an autopilot. ``wanted``: hertz by message name, the most important first.
+        ``more_parameters``: read once from an ArduPilot, in addition to the usual ones.
         """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitude_message = attitude_message
@@ -66,7 +66,7 @@ class Rates:
         self._stations = StationRates()
         self._before = ArrivalsBefore()
         self._now = self._heard_ns = self._check_ns = self._gate_ns = HostNs(0)
-        self._one_shots = OneShotRequests(component, follows=follows)
+        self._one_shots = OneShotRequests(component, more_parameters=more_parameters)
         self._competitors = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()

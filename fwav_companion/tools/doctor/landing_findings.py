@@ -13,10 +13,10 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.landing_limits import WHERE, landing_limit_findings
 from fwav_companion.types.flight_status import LandingReport
 from fwav_companion.types.status import RunStatus
 
-WHERE: Final = "[publish] landing_target"
 MAVLINK_TYPE: Final = 1
 """PLND_TYPE: a companion computer that sends LANDING_TARGET."""
 ROTATION_DOWN: Final = 25
@@ -52,6 +52,7 @@ def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]
         yield from _disabled(status.parameters)
         yield from _turned(status.parameters)
         yield from _moved(status.parameters)
+    yield from landing_limit_findings(evidence, status)
     yield from _label(evidence, status)
     yield from _late(status)
     yield from _withheld(evidence, status.publishing.landing)
