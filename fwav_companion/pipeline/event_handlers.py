@@ -76,6 +76,8 @@ class EventHandlers:
                 case AutopilotLost():
                     self._readiness.stop()
                     self._end_acting(End.AUTOPILOT_LOST, now)
+                case ArmedChanged(armed=False):
+                    self._components.publisher.landing.on_disarmed(now)
                 case ArmedChanged(armed=True) if self._live:
                     readiness = self._current_readiness(now)
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from math import hypot
 
+from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, add, norm
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.landing_claim import image_motion_m_s, is_nearer, landing_sigma_m
-from fwav_companion.publishing.landing_reports import LandingReports, Refusal, Withheld
+from fwav_companion.publishing.landing_claim import image_motion_m_s, landing_sigma_m
+from fwav_companion.publishing.landing_reports import LandingReports, LandingSight, Refusal, Withheld, landing_sight
 from fwav_companion.publishing.landing_vector import (
     StateAt,
     at_landing_point,
@@ -46,7 +47,7 @@ pilot reads how late it is. Attitudes are stored for 3 s, and a frame may wait 0
 COAST_NS = 200 * NS_PER_MS
 """Interval of messages while no frame comes: ArduPilot starts its filter again after a gap of 0.5 s."""
 SILENT_NS = NS_PER_S
-"""Time without a frame after which the lack of frames is the reason."""
+"""Time without a frame after which the lack of frames is the reason, and without the target after which it is lost."""
 OLDEST_ATTITUDE_S = 0.5
 """Greatest age of the newest attitude of a PX4, seconds: the slowest stream, 4 Hz, with one loss."""
 UNSEEN = frozenset({Reason.NOT_SEEN, Reason.NOT_SEEN_LONG})
@@ -79,6 +80,8 @@ class Landing:
         self._frame_came_ns: HostNs | None = None
         self._sent_usec: int | None = None
         self._sigma_m: float | None = None
+        self._sight: LandingSight | None = None
+        """The target in the message that is being made."""
         self._reports = LandingReports(options.landing_max_sigma_m)
         self.lag_s = DEFAULT_LAG_S
         """The autopilot's PLND_LAG, seconds; the default before it is known."""
@@ -96,10 +99,14 @@ class Landing:
 
     def status(self, now: HostNs) -> LandingReport:
         """Part of the status: the target, its claim, and the counts of messages and reasons."""
+        sight, landed = self._reports.sight, self._reports.landed
         return LandingReport(
             target=self.target,
             sent=self.sent,
             sigma_m=self._sigma_m,
+            offset_m=None if sight is None else (sight.forward_m, sight.right_m, sight.down_m),
+            offset_age_s=None if sight is None else s_from_ns(now - sight.at_ns),
+            landed_offset_m=None if landed is None else (landed.forward_m, landed.right_m),
             withheld={str(reason): count for reason, count in self.withheld.items() if count},
             withheld_s=self._reports.withheld_s(now),
             last_withheld=None if self.last_withheld is None else str(self.last_withheld),
@@ -120,6 +127,12 @@ class Landing:
         self._choose(tracks, situation.now_ns)
         return self._attempt(situation)
 
+    def on_disarmed(self, now: HostNs) -> None:
+        """Report where the vehicle landed, if it did on the target."""
+        notice = self._reports.on_disarmed(now)
+        if notice is not None and self._notify is not None:
+            self._notify(notice)
+
     def on_wake(self, situation: Situation) -> Outgoing | None:
         """LANDING_TARGET where no frame has come for a while; None before that is due, and where it is withheld."""
         if self.wake_at is None or situation.now_ns < self.wake_at:
@@ -136,10 +149,10 @@ class Landing:
                 self._reports.on_lost()
             else:
                 notice = self._reports.on_withheld(answer, now)
-        elif answer is not None:
+        elif answer is not None and self._sight is not None and self._track is not None:
             self.sent += 1
             self.last_withheld = None
-            notice = self._reports.on_sent(self._sigma_m or 0.0, now)
+            notice = self._reports.on_sent(self._sight, self._lost(self._track, now), now)
         if notice is not None and self._notify is not None:
             self._notify(notice)
         coasts = self._track is not None and self._age_s(self._track, now) <= MOST_AGE_S
@@ -195,6 +208,15 @@ class Landing:
             return self._to_px4(track, situation)
         return Refusal(Withheld.UNKNOWN_AUTOPILOT)
 
+    def _lost(self, track: Track, now: HostNs) -> Refusal | None:
+        """Why the target is not seen while its prediction is sent; None before it has not been seen for a second.
+
+        A camera that is late shows it all the same: what counts is the newest frame's capture.
+        """
+        silent = self._frame_came_ns is None or now - self._frame_came_ns > SILENT_NS
+        unseen_ns = 0 if self._frame_ns is None else self._frame_ns - track.last_seen_host_ns
+        return self._too_old(track, now) if silent or unseen_ns > SILENT_NS else None
+
     def _too_old(self, track: Track, now: HostNs) -> Refusal:
         """The reason why the last fix is too old: no frames, late frames, or frames without the target."""
         if self._frame_came_ns is None or now - self._frame_came_ns > SILENT_NS:
@@ -214,6 +236,7 @@ class Landing:
         motion_m_s = image_motion_m_s(self._fix, state, relative)
         by_attitude_m = state.attitude_sigma * norm(relative)
         refusal = self._uncertain(track, state, situation, motion_m_s=motion_m_s, by_attitude_m=by_attitude_m)
+        self._look(relative, state, situation)
         vector = in_body(relative, state)
         frame = enums.MAV_FRAME_BODY_FRD
         return refusal or self._outgoing(track, state, situation, (frame, vector), body_frd=vector)
@@ -230,6 +253,7 @@ class Landing:
             return Refusal(Withheld.NO_HEIGHT)
         motion_m_s = image_motion_m_s(self._fix, None, relative)
         refusal = self._uncertain(track, state, situation, motion_m_s=motion_m_s, by_attitude_m=0.0)
+        self._look(relative, state, situation)
         point = (enums.MAV_FRAME_LOCAL_NED, add(local, relative))
         return refusal or self._outgoing(track, state, situation, point, body_frd=in_body(relative, state))
 
@@ -253,6 +277,11 @@ class Landing:
         sigma_m = hypot(landing_sigma_m(track, cov, state, age_s=age_s), clock_sigma_s * motion_m_s, by_attitude_m)
         self._sigma_m = sigma_m
         return None if sigma_m <= self._options.landing_max_sigma_m else Refusal(Withheld.TOO_UNCERTAIN, sigma_m)
+
+    def _look(self, relative: Vector3, state: VehicleState, situation: Situation) -> None:
+        """Keep where the target is in the message that is being made, for the texts and the status."""
+        _, _, yaw = euler_from_quaternion(state.ned_from_body)
+        self._sight = landing_sight(relative, yaw, self._sigma_m or 0.0, situation.host_ns_of(state))
 
     def _outgoing(
         self,

@@ -282,6 +282,14 @@ class LandingReport(msgspec.Struct, frozen=True, kw_only=True):
     sent: int = 0
     sigma_m: float | None = None
     """One sigma of the target relative to the vehicle at the newest attempt, larger semi-axis, metres; None before."""
+    offset_m: tuple[float, float, float] | None = None
+    """Target from the vehicle in the newest message: forward and right along the heading, down; metres. None before the
+    first message, and after a landing."""
+    offset_age_s: float | None = None
+    """Age of that message's instant, seconds."""
+    landed_offset_m: tuple[float, float] | None = None
+    """Target from the vehicle in the last message before the last landing on it: forward, right; metres. None before
+    one."""
     withheld: dict[str, int] = {}
     """Attempts without a message, by reason: one a frame, and five a second while no frame comes."""
     withheld_s: float | None = None

@@ -93,5 +93,5 @@ def test_notices_reach_the_ground_with_their_code(world):
 def test_a_target_is_reported_by_notices_and_each_is_handed_out_once(world):
     publisher, _ = flight(world)
     codes = [notice.code for notice in publisher.notices()]
-    assert codes == [NoticeCode.TARGET_FOUND, NoticeCode.TARGET_LOST]
+    assert codes == [NoticeCode.LANDING_IN_SIGHT, NoticeCode.TARGET_FOUND, NoticeCode.TARGET_LOST]
     assert publisher.notices() == []

@@ -125,3 +125,13 @@ def test_landing_target_beyond_its_limit_is_reported_once_and_again_when_it_flow
     assert withheld.endswith(" m, limit 0.15")
     assert flows.startswith("LANDING_TARGET is sent: target 0.")
     assert max(map(len, (withheld, flows))) <= 50
+
+
+def test_pilot_reads_the_landing_from_the_first_sight_to_the_disarming():
+    flight = flown({"autopilot.disarms_at_s": 23.0})
+    (seen,) = flight.companion.texts_to_ground(NoticeCode.LANDING_IN_SIGHT)
+    (landed,) = flight.companion.texts_to_ground(NoticeCode.LANDED)
+    assert seen.startswith("pad seen: ")
+    assert landed.startswith("landed: pad 0.")
+    assert landed.endswith(" 0 s ago")
+    assert max(map(len, (seen, landed))) <= 50
