@@ -116,6 +116,14 @@ class AutopilotOptions:
     """Home after arming, from the world's origin: north, east."""
     gps: bool = True
     gps_fix_at_s: float = 0.0
+    gps_lost_s: tuple[tuple[float, float], ...] = ()
+    """(from, until) seconds without a global position."""
+    flow: bool = False
+    """Optical flow: without a global position the autopilot has a local one, and its filter reports that."""
+    flow_drift: NotNegative = 0.01
+    """One sigma of the local position's drift, each axis, of the way flown."""
+    flow_lost_s: tuple[tuple[float, float], ...] = ()
+    """(from, until) seconds: the flow sees nothing, and the filter holds a constant position."""
     fix_type: int = 3
     """GPS_FIX_TYPE of the receiver: 3 without corrections, 5 RTK float, 6 RTK fixed."""
     h_acc_m: float = 1.0

@@ -10,6 +10,7 @@ from random import Random
 from sitl_mock.draws import DrawnBiases, SmoothWander, Wander, shifted, wander_time_s
 from sitl_mock.earth import ArduPilotProjection, LocalProjection, Place, Px4Projection, World
 from sitl_mock.flight import Flight, State
+from sitl_mock.flow import Flow
 from sitl_mock.gimbal import Gimbal
 from sitl_mock.gyro import Gyro
 from sitl_mock.options import Options
@@ -35,6 +36,8 @@ class Belief:
             wander(biases.position_sigma_m, wander_time_s(options), Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
         )
+        self._flow = Flow(flight, options.autopilot.flow_drift, seed)
+        self._flow_noise = Random(f"{seed}/flow/noise")
         origin = self._reported(options.autopilot.ekf_origin_m)
         self.projection: LocalProjection = (
             Px4Projection(origin) if options.autopilot.firmware == "px4" else ArduPilotProjection(origin)
@@ -62,6 +65,28 @@ class Belief:
         velocity = plus(state.velocity, (self._fresh(v), self._fresh(v), self._fresh(v)))
         return self._reported(plus(state.position, (north, east, down))), velocity
 
+    def has_flow(self, flight_s: float) -> bool:
+        """Whether the autopilot measures its motion over the ground at this instant."""
+        lost = any(start <= flight_s < end for start, end in self._o.autopilot.flow_lost_s)
+        return self._o.autopilot.flow and not lost
+
+    def flow_position(self, flight_s: float) -> tuple[Vector, Vector]:
+        """Local (position, velocity) by optical flow at an instant: NED from the EKF's origin, metres and m/s."""
+        state = self._flight.at(flight_s - self._o.autopilot.position_delay_s - self._biases.position_delay_s)
+        p, origin = self._o.priors, self._o.autopilot.ekf_origin_m
+        position, velocity = plus(state.position, self._flow.error(flight_s)), state.velocity
+        noise = (p.position_noise_m, p.position_noise_m, p.height_noise_m)
+        north, east, down = (
+            each + self._flow_noise.gauss(0.0, sigma) - zero
+            for each, sigma, zero in zip(position, noise, origin, strict=True)
+        )
+        v_north, v_east, v_down = (each + self._flow_noise.gauss(0.0, p.velocity_noise_m_s) for each in velocity)
+        return (north, east, down - self._biases.height_m), (v_north, v_east, v_down)
+
+    def flow_error(self, flight_s: float) -> Vector:
+        """Local position by optical flow minus truth without noise, NED, metres."""
+        return self._flow.error(flight_s)
+
     def wander(self, flight_s: float) -> tuple[float, float]:
         """Horizontal position error at an instant without noise, for the truth file: north, east, metres."""
         by_north, by_east = shifted(self._o.autopilot.position_shifts, flight_s)
@@ -77,7 +102,9 @@ class Belief:
 
     def has_position(self, flight_s: float) -> bool:
         """Whether the autopilot has a global position at this instant."""
-        return self._o.autopilot.gps and flight_s >= self._o.autopilot.gps_fix_at_s
+        o = self._o.autopilot
+        lost = any(start <= flight_s < end for start, end in o.gps_lost_s)
+        return o.gps and flight_s >= o.gps_fix_at_s and not lost
 
     def range_m(self, flight_s: float) -> float:
         """Distance measured by a rangefinder along the body's down axis, metres."""

@@ -156,6 +156,10 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "no_quaternion": ("ATTITUDE_QUATERNION is refused", {"autopilot.has_quaternion": False}),
     "no_gps": ("no global position at any time", {"autopilot.gps": False}),
+    "flow": (
+        "no global position: a local one by optical flow, which drifts by 1 % of the way",
+        {"autopilot.gps": False, "autopilot.flow": True},
+    ),
     "late_gps": ("the first fix comes after 20 s", {"autopilot.gps_fix_at_s": 20.0}),
     "gnss_wander": ("the position wanders by 0.5 m", {"biases.position_m": 0.5}),
     "home_moves": (

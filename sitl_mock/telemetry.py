@@ -22,6 +22,11 @@ TRIM_STAYS_BIT = 1 << 8
 """Bit of ArduPlane's FLIGHT_OPTIONS: PTCH_TRIM_DEG stays in the attitude reported to ground stations."""
 DOWNWARD = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
+FILTER_ATTITUDE_AND_HEIGHT = 1 | 4 | 32
+FILTER_LOCAL = 2 | 8 | 256
+FILTER_GLOBAL = FILTER_LOCAL | 16 | 512
+FILTER_CONSTANT = 128
+"""Flags of EKF_STATUS_REPORT and ESTIMATOR_STATUS: velocities, positions relative and absolute, and predicted ones."""
 NO_POSITION = Place(0.0, 0.0, 0.0)
 
 
@@ -54,12 +59,16 @@ class Telemetry:
             "RAW_IMU": self._raw_imu,
             "SERVO_OUTPUT_RAW": self._servo_output,
         }
+        if self._a.flow:
+            name = "ESTIMATOR_STATUS" if self._a.firmware == "px4" else "EKF_STATUS_REPORT"
+            self._makers[name] = self._filter_status
         if self._a.firmware == "px4":
             self._makers["ALTITUDE"] = self._altitude
         if 0 < options.gimbal.device_id <= BEHIND_AUTOPILOT:
             self._makers[options.gimbal.message] = self._gimbal_attitude
         if self._a.streams:
-            self._makers |= {name: partial(self._for_stations, maker) for name, maker in STATION_MESSAGES.items()}
+            stations = {name: partial(self._for_stations, maker) for name, maker in STATION_MESSAGES.items()}
+            self._makers = stations | self._makers
         if not self._a.has_quaternion:
             del self._makers["ATTITUDE_QUATERNION"]
 
@@ -142,12 +151,33 @@ class Telemetry:
 
     def _local_position(self, host_ns: int) -> Fields | None:
         t = self.flight_s(host_ns)
-        if not self._belief.has_position(t):
+        if self._belief.has_position(t):
+            place, velocity = self._belief.position(t)
+            position = self._belief.projection.local(place)
+        elif self._belief.has_flow(t):
+            position, velocity = self._belief.flow_position(t)
+        else:
             return None
-        place, velocity = self._belief.position(t)
-        x, y, z = self._belief.projection.local(place)
-        vx, vy, vz = velocity
+        (x, y, z), (vx, vy, vz) = position, velocity
         return {"time_boot_ms": self._boot_ms(host_ns), "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz}
+
+    def _filter_status(self, host_ns: int) -> Fields:
+        """EKF_STATUS_REPORT or ESTIMATOR_STATUS: which positions the filter vouches for."""
+        t = self.flight_s(host_ns)
+        flags = FILTER_ATTITUDE_AND_HEIGHT
+        if self._belief.has_position(t):
+            flags |= FILTER_GLOBAL
+        elif self._belief.has_flow(t):
+            flags |= FILTER_LOCAL
+        else:
+            flags |= FILTER_CONSTANT
+        if self._a.firmware == "px4":
+            ratios = dict.fromkeys(("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio"), 0.1)
+            accuracies = {"pos_horiz_accuracy": 0.5, "pos_vert_accuracy": 0.5}
+            rest = {"time_usec": self._boot_us(host_ns), "hagl_ratio": 0.0, "tas_ratio": 0.0}
+            return {"flags": flags, **ratios, **accuracies, **rest}
+        names = ("velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance")
+        return {"flags": flags, **dict.fromkeys(names, 0.1), "terrain_alt_variance": 0.0, "airspeed_variance": 0.0}
 
     def _altitude(self, host_ns: int) -> Fields:
         place, _ = self._belief.position(self.flight_s(host_ns))

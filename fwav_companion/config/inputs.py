@@ -41,7 +41,10 @@ class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
     component_id: Annotated[int, Meta(ge=2, le=255)] = 191
     """MAVLink component id of this service; 1 is the autopilot's."""
     position: Literal["auto", "none"] = "auto"
-    """``none``: targets are relative to the point below the camera."""
+    """``auto``: the global position, else the autopilot's local one where its filter vouches for it, else none.
+    ``none``: targets are relative to the point below the camera."""
+    local_drift: Annotated[float, Meta(ge=0, le=1)] = 0.01
+    """Drift of a local position, one sigma, of the way flown."""
     attitude_message: Literal["auto", "ATTITUDE", "ATTITUDE_QUATERNION"] = "auto"
     """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is heard, ATTITUDE before or if it is refused."""
     position_delay_s: Annotated[float, Meta(ge=0, le=10)] = 0.0

@@ -55,6 +55,7 @@ def telemetry_options(config: Config, attitudes_kept_s: float | None, clock_rate
     options = TelemetryOptions(
         position=config.vehicle.position,
         attitude_message=config.vehicle.attitude_message,
+        local_drift=config.vehicle.local_drift,
         position_delay_s=config.vehicle.position_delay_s,
         position_bias_by_receiver=config.uncertainty.position_bias_m == "auto",
         attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,

@@ -139,18 +139,20 @@ class AltitudeGround(HomeGround):
     def __init__(self, alt_amsl_m: float) -> None:
         super().__init__()
         self._alt_amsl_m = alt_amsl_m
+        self._is_placed = False
 
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the altitude is configured."""
 
     def on_origin(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Set the depth of the surface below the origin."""
+        self._is_placed = True
         self.home_down_m = plane.origin.alt_amsl_m - self._alt_amsl_m
         return ""
 
     def height_m(self, sighting: Sighting) -> float | None:
-        """The height of the camera above the surface, metres; None in a relative world, which has no altitudes."""
-        return None if sighting.relative else super().height_m(sighting)
+        """The height of the camera above the surface, metres; None in a world without altitudes."""
+        return None if sighting.relative or not self._is_placed else super().height_m(sighting)
 
     def status(self) -> GroundReport:
         """Name of the model and depth of the surface."""

@@ -128,6 +128,8 @@ class CameraPipeline:
         self._last_view: FrameView | None = None
         self._jump: tuple[BootNs, float] | None = None
         """Instant and size, metres, of a jump of the vehicle's position that no frame has seen yet."""
+        self._placed: tuple[BootNs, float] | None = None
+        """Instant and one sigma, metres, of a placing of the world on the earth that no frame has seen yet."""
         self._meter = RateMeter()
         self._used_ns = HostNs(0)
         """Time of the last frame that was used."""
@@ -266,6 +268,18 @@ class CameraPipeline:
         before_m = 0.0 if self._jump is None else self._jump[1]
         self._jump = (boot_ns, before_m + jump_m)
 
+    def origin_placed(self, boot_ns: BootNs, sigma_m: float) -> None:
+        """Record that a world without a place on the earth got one, with one sigma; the next frame's tracks have it."""
+        self._placed = (boot_ns, sigma_m)
+
+    def _placed_sigma_m(self, boot_ns: BootNs) -> float:
+        """One sigma of the pending placing if a frame of this instant is the first after it, metres; else 0."""
+        if self._placed is None or boot_ns < self._placed[0]:
+            return 0.0
+        _, sigma_m = self._placed
+        self._placed = None
+        return sigma_m
+
     def _jumped_m(self, boot_ns: BootNs) -> float:
         """Size of the pending jump if a frame of this instant is the first after it, metres; else 0."""
         if self._jump is None or boot_ns < self._jump[0]:
@@ -330,6 +344,7 @@ class CameraPipeline:
             unplaced=tuple(unplaced),
             image_px2=self._image_px2,
             jumped_m=self._jumped_m(paired.boot_ns),
+            placed_sigma_m=self._placed_sigma_m(paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),
         )
         self._agreement.add(view.fixes, view.host_ns)

@@ -68,5 +68,5 @@ class CameraRestart:
         if components.spots is not None:
             components.spots.on_tracks(())
         camera.home_moved(components.telemetry.world.home_down_m)
-        self._handlers.place_ground(now)
+        self._handlers.world.place_ground(now)
         self._outputs.notify((Notice(NoticeCode.STARTED_ANEW, Severity.ERROR, TEXT, to_ground=True),), now)

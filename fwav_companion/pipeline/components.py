@@ -103,7 +103,7 @@ class Components:
             no_fix=expected if isinstance(expected, Reason) else None,
             within95_m=expected.within95_m if isinstance(expected, PredictedAccuracy) else None,
             height_m=expected.height_m if isinstance(expected, PredictedAccuracy) else None,
-            had_position=self.telemetry.world.plane is not None,
+            had_position=self.telemetry.world.plane is not None or self.telemetry.world.local,
             autopilot_silent=self.identity.heartbeat_overdue(now),
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import hypot
 
 from fwav_companion.acting.permission import End
 from fwav_companion.geometry.stamps import HostNs
@@ -18,15 +17,16 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.pipeline.terrain_reports import TerrainReports
+from fwav_companion.pipeline.world_handlers import WorldHandlers
 from fwav_companion.publishing.landing import DEFAULT_LAG_S, LEAST_LAG_S, MOST_LAG_S
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
-from fwav_companion.recording.lines import home_line, unix_seconds
 from fwav_companion.telemetry import (
     ClockContradicted,
     HomeMoved,
+    LocalWorld,
     OriginSet,
     PositionJumped,
+    PositionSource,
     Rebooted,
     RelativeWorld,
     TakeOffFound,
@@ -44,10 +44,8 @@ class EventHandlers:
         self._components = components
         self._target_log = target_log
         self._outputs = outputs
-        self._unix_offset_ns = unix_offset_ns
         self._live = live
-        self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
-        self._placed_without_undulation = False
+        self.world = WorldHandlers(components, target_log, outputs, unix_offset_ns, self.forget_targets)
         self._readiness = ReadinessReports()
 
     @property
@@ -130,47 +128,25 @@ class EventHandlers:
             match event:
                 case ClockContradicted():
                     self._components.timesync.settle(now)
-                case Rebooted():
+                case Rebooted(frame_ended=ended):
+                    if ended:
+                        self.world.drop_tracks(now)
                     self._components.timesync.restart(now)
                     self._components.rates.ask_again("the autopilot rebooted", now)
                     self._end_acting(End.REBOOTED, now)
                     self._readiness.begin(now)
-                case OriginSet(origin, late):
-                    if late and self._components.camera is not None:
-                        self._components.camera.drop_all(Reason.ORIGIN_SET)
-                        self.forget_targets(now)
-                        self._target_log.settle(self._components.camera.settle(now), plane=None)
-                    self._target_log.origin_moved_in(now, origin)
-                    self.place_ground(now)
-                case TakeOffFound():
-                    self.place_ground(now)
-                case RelativeWorld():
-                    self._target_log.begin(None)
-                case HomeMoved() | PositionJumped():
-                    self._of_position(event, now)
+                case (
+                    OriginSet()
+                    | RelativeWorld()
+                    | LocalWorld()
+                    | PositionSource()
+                    | TakeOffFound()
+                    | HomeMoved()
+                    | PositionJumped()
+                ):
+                    self.world.handle(event, now)
             self._outputs.notify(notice_text(event), now)
-        if self._placed_without_undulation and self._components.telemetry.undulation_m is not None:
-            self.place_ground(now)
-
-    def _of_position(self, event: HomeMoved | PositionJumped, now: HostNs) -> None:
-        camera = self._components.camera
-        match event:
-            case PositionJumped(boot_ns, north_m, east_m):
-                if camera is not None:
-                    camera.position_jumped(boot_ns, hypot(north_m, east_m))
-            case HomeMoved(down_m):
-                if camera is not None:
-                    camera.home_moved(down_m)
-                self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
-
-    def place_ground(self, now: HostNs) -> None:
-        """Set the ground model's origin; repeated when the geoid is known, because an elevation model may need it."""
-        telemetry, camera = self._components.telemetry, self._components.camera
-        plane, take_off = telemetry.world.plane, telemetry.world.take_off
-        if camera is None or plane is None or take_off is None:
-            return
-        self._placed_without_undulation = telemetry.undulation_m is None
-        self._terrain.report(camera, camera.on_origin(plane, take_off, telemetry.undulation_m), now)
+        self.world.place_ground_by_geoid(now)
 
     def _current_readiness(self, now: HostNs) -> Readiness | None:
         camera = self._components.camera

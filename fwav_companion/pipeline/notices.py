@@ -19,9 +19,11 @@ from fwav_companion.telemetry import (
     GimbalHeadingDiffers,
     GimbalUnused,
     HomeMoved,
+    LocalWorld,
     OriginSet,
     PitchTrimUndone,
     PositionJumped,
+    PositionSource,
     Rebooted,
     RelativeWorld,
     StampDelay,
@@ -39,16 +41,8 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
 
 def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     match event:
-        case OriginSet(origin, late):
-            text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
-            text += ": a position came late, all tracks start again" if late else ""
-            return (Notice(NoticeCode.ORIGIN_SET, Severity.INFO, text, to_ground=late),)
-        case RelativeWorld():
-            text = "no global position: targets are relative to the point below the camera"
-            return (Notice(NoticeCode.RELATIVE_WORLD, Severity.WARNING, text, to_ground=True),)
-        case HomeMoved(down_m):
-            text = f"home moved: its surface is now {-down_m:+.2f} m above the origin"
-            return (Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True),)
+        case OriginSet() | RelativeWorld() | LocalWorld() | PositionSource() | HomeMoved() | PositionJumped():
+            return (_of_the_world(event),)
         case AttitudeSource(message, before):
             return (Notice(NoticeCode.ATTITUDE_SOURCE, Severity.INFO, f"attitude from {message}, no longer {before}"),)
         case GimbalUnused() | GimbalHeadingDiffers():
@@ -56,9 +50,6 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
         case PitchTrimUndone(deg):
             text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
             return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)
-        case PositionJumped(_, north_m, east_m):
-            text = f"the autopilot's position jumped by {hypot(north_m, east_m):.1f} m: its filter was reset"
-            return (Notice(NoticeCode.POSITION_JUMPED, Severity.WARNING, text, to_ground=True),)
         case StampDelay(in_step=True):
             text = "attitude timestamps are synchronous with sampling: no stamp-delay correction applied"
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
@@ -67,6 +58,33 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case _:
             return ()
+
+
+def _of_the_world(
+    event: OriginSet | RelativeWorld | LocalWorld | PositionSource | HomeMoved | PositionJumped,
+) -> Notice:
+    match event:
+        case OriginSet(origin, late):
+            text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
+            text += ": a position came late, all tracks start again" if late else ""
+            return Notice(NoticeCode.ORIGIN_SET, Severity.INFO, text, to_ground=late)
+        case RelativeWorld():
+            text = "no global position: targets are relative to the point below the camera"
+            return Notice(NoticeCode.RELATIVE_WORLD, Severity.WARNING, text, to_ground=True)
+        case LocalWorld(late):
+            text = "no global position: targets are in the autopilot's local frame"
+            text += ", all tracks start again" if late else ""
+            return Notice(NoticeCode.LOCAL_WORLD, Severity.WARNING, text, to_ground=True)
+        case PositionSource(local=local):
+            text = "global position lost: the local one carries on" if local else "global position: tracks stay"
+            severity = Severity.WARNING if local else Severity.NOTICE
+            return Notice(NoticeCode.POSITION_SOURCE, severity, text, to_ground=True)
+        case HomeMoved(down_m):
+            text = f"home moved: its surface is now {-down_m:+.2f} m above the origin"
+            return Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True)
+        case PositionJumped(_, north_m, east_m):
+            text = f"the autopilot's position jumped by {hypot(north_m, east_m):.1f} m: its filter was reset"
+            return Notice(NoticeCode.POSITION_JUMPED, Severity.WARNING, text, to_ground=True)
 
 
 def _of_the_gimbal(event: GimbalUnused | GimbalHeadingDiffers) -> Notice:

@@ -147,6 +147,11 @@ def make_pipeline(
         attitude_message=config.vehicle.attitude_message,
         component=component,
         more_parameters=_more_parameters(config),
+        on_demand={
+            "LOCAL_POSITION_NED": config.rates.position,
+            "EKF_STATUS_REPORT": FILTER_STATUS_HZ,
+            "ESTIMATOR_STATUS": FILTER_STATUS_HZ,
+        },
     )
     rates.gate = timesync.leaves_link_free
     components = Components(

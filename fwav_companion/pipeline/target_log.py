@@ -25,7 +25,8 @@ SUMMARIZED = frozenset(
         NoticeCode.SEVERAL_AUTOPILOTS, NoticeCode.AUTOPILOT_REPLACED, NoticeCode.AUTOPILOT_REBOOTED,
         NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED, NoticeCode.GIMBAL_HEADING,
         NoticeCode.POSITION_JUMPED,
-        NoticeCode.RELATIVE_WORLD, NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
+        NoticeCode.RELATIVE_WORLD, NoticeCode.LOCAL_WORLD, NoticeCode.POSITION_SOURCE,
+        NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
         NoticeCode.CALIBRATION_DROPPED,
     }
 )  # fmt: skip

@@ -167,7 +167,7 @@ def _place(track: Track, situation: Situation) -> str:
     accuracy = f"95 % within {radius_95(track.cov):.1f} m"
     if target.place is not None:
         return f"{target.place.lat_deg:.6f}, {target.place.lon_deg:.6f}, {accuracy}"
-    north, east, _ = target.position_ned
+    north, east, _ = target.from_vehicle or target.position_ned
     return f"{_offset(north, 'N', 'S')} {_offset(east, 'E', 'W')} of vehicle, {accuracy}"
 
 

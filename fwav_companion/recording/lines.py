@@ -228,5 +228,8 @@ def home_line(time_unix: float, home_down_m: float) -> Line:
 
 
 def origin_line(time_unix: float, origin: Geodetic) -> Line:
-    """The origin, if it became known after the header was written."""
-    return {"type": "origin", "time_unix": time_unix, "origin": origin_object(origin)}
+    """The place of NED's zero, if it became known after the header was written, and where a global position is lost or
+    comes back. Its north is the autopilot's.
+    """
+    place = origin_object(origin)
+    return {"type": "origin", "time_unix": time_unix, "origin": place, **(place or {}), "yaw_deg": 0.0}

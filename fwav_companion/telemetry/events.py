@@ -12,9 +12,11 @@ from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 
 
 class Rebooted(msgspec.Struct, frozen=True):
-    """The autopilot's clock started again. Clock estimate and attitudes are deleted; the world's origin stays."""
+    """The autopilot's clock started again. Clock estimate and attitudes are deleted; a global origin stays."""
 
     at_ns: HostNs
+    frame_ended: bool = False
+    """Whether the world was the autopilot's local frame, which ended with it; then its tracks must be dropped."""
 
 
 class OriginSet(msgspec.Struct, frozen=True):
@@ -22,11 +24,37 @@ class OriginSet(msgspec.Struct, frozen=True):
 
     origin: Geodetic
     late: bool
-    """Whether the world was relative until now; then its tracks must be dropped."""
+    """Whether the world was relative or local until now; then its tracks must be dropped."""
 
 
 class RelativeWorld(msgspec.Struct, frozen=True):
     """There is no global position: from now on targets are relative to the point below the camera."""
+
+
+class LocalWorld(msgspec.Struct, frozen=True):
+    """There is no global position, and the autopilot vouches for its local one: from now on the world is its local
+    frame.
+    """
+
+    late: bool
+    """Whether the world was relative until now; then its tracks must be dropped."""
+    home_down_m: float
+    """Home surface, metres below the origin."""
+
+
+class PositionSource(msgspec.Struct, frozen=True):
+    """The vehicle's positions come from the other of global and local from now on. NED's zero stays where it is."""
+
+    boot_ns: BootNs
+    """Instant of the first position of the new source."""
+    local: bool
+    """Whether they are the autopilot's local ones from now on."""
+    origin: Geodetic
+    """Place of NED's zero on the earth."""
+    transfer_sigma_m: float = 0.0
+    """One sigma of that place where the new source has just shown it, metres an axis: every target has it too."""
+    jump_sigma_m: float = 0.0
+    """One sigma of the step from the former positions to the new ones, metres an axis."""
 
 
 class TakeOffFound(msgspec.Struct, frozen=True):
@@ -108,6 +136,8 @@ TelemetryEvent: TypeAlias = (
     | ClockRate
     | OriginSet
     | RelativeWorld
+    | LocalWorld
+    | PositionSource
     | TakeOffFound
     | HomeMoved
     | AttitudeSource

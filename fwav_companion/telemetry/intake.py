@@ -7,6 +7,7 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.vectors import Vector3, add
 from fwav_companion.telemetry import decoding
 from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
 from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
@@ -15,7 +16,14 @@ from fwav_companion.telemetry.barometer import altitude_of_pressure_m
 from fwav_companion.telemetry.climb import ClimbCheck
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible
-from fwav_companion.telemetry.events import PitchTrimUndone, PositionJumped, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.events import (
+    OriginSet,
+    PitchTrimUndone,
+    PositionJumped,
+    PositionSource,
+    StampDelay,
+    TelemetryEvent,
+)
 from fwav_companion.telemetry.position_jump import PositionJumps
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
@@ -128,22 +136,50 @@ class Intake:
         position = decoding.position(fields)
         if isinstance(position, Implausible):
             return self.refuse("GLOBAL_POSITION_INT")
-        events = self._world.on_position(position)
         boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
+        was_local, here = self._world.local, self._kept.place_at(boot_ns) if self._world.local else None
+        events: tuple[TelemetryEvent, ...] = self._world.on_position(position, here)
+        if was_local and not self._world.local:
+            events += self._leave_local(boot_ns, events, here)
         (v_north, v_east, v_down), height_m = position.velocity_ned, position.height_above_home_m
         climb_m_s = self._climbs.climb_at(boot_ns, height_m, -v_down)
         velocity_ned = (v_north, v_east, -climb_m_s)
         self._kept.heights[HeightSource.GLOBAL_POSITION_INT].insert(boot_ns, (height_m,), (climb_m_s,))
         if self._world.plane is not None and position.place is not None:
             place_ned = self._world.plane.ned_from_geodetic(position.place)
-            self._kept.positions.insert(boot_ns, place_ned, velocity_ned)
-            jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
-            if jump is not None:
-                self._kept.split_at_jump(boot_ns)
-                return (*events, PositionJumped(boot_ns, *jump))
+            return events + self._take_place(boot_ns, place_ned, velocity_ned)
         return events
 
-    def _on_local_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+    def _leave_local(
+        self, boot_ns: BootNs, events: tuple[TelemetryEvent, ...], here: Vector3 | None
+    ) -> tuple[TelemetryEvent, ...]:
+        """Go over from local to global positions. ``here``: the vehicle's place by the local ones at this instant."""
+        drift_m, plane = self._kept.end_local(), self._world.plane
+        if here is None or plane is None:
+            self._kept.positions.clear()  # in a frame that ended
+            self._jumps = PositionJumps()
+            return ()
+        found = any(isinstance(event, OriginSet) for event in events)
+        return (
+            PositionSource(
+                boot_ns,
+                local=False,
+                origin=plane.origin,
+                transfer_sigma_m=self._kept.receiver_sigma_m if found else 0.0,
+                jump_sigma_m=0.0 if found else drift_m,
+            ),
+        )
+
+    def _take_place(self, boot_ns: BootNs, place_ned: Vector3, velocity_ned: Vector3) -> tuple[TelemetryEvent, ...]:
+        """Store a position in the world's frame; an event where it jumped."""
+        self._kept.positions.insert(boot_ns, place_ned, velocity_ned)
+        jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
+        if jump is None:
+            return ()
+        self._kept.jumped(boot_ns)
+        return (PositionJumped(boot_ns, *jump),)
+
+    def _on_local_position(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         place, velocity = (fields.x, fields.y, fields.z), (fields.vx, fields.vy, fields.vz)
         if not (
             all(abs(c) <= 10.0 * decoding.MOST_HEIGHT_M for c in place)
@@ -152,7 +188,21 @@ class Intake:
             return self.refuse("LOCAL_POSITION_NED")
         boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
         self._kept.local.insert(boot_ns, place, velocity)
-        return ()
+        events: tuple[TelemetryEvent, ...] = ()
+        if self._world.plane is None:
+            height_m, _ = self._kept.height_at(boot_ns)
+            events = self._world.on_local_position(place[2] + (height_m or 0.0), now)
+        elif self._world.is_global_lost(now):
+            zero_ned = self._kept.local_zero_at(boot_ns)
+            if zero_ned is not None:
+                self._world.go_local(zero_ned)
+                self._kept.begin_local()
+                events = (PositionSource(boot_ns, local=True, origin=self._world.plane.origin),)
+        if not self._world.local:
+            return events
+        in_world = add(place, self._world.local_zero_ned)
+        self._kept.on_local_place(in_world)
+        return events + self._take_place(boot_ns, in_world, velocity)
 
     def _on_distance(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         sample = decoding.range_sample(fields, BootNs(self.stamp_ns + HALF_MS_NS))

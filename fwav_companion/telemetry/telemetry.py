@@ -45,7 +45,10 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of the vehicle's telemetry and its stamps."""
 
     position: Literal["auto", "none"] = "auto"
-    """``none``: targets are relative to the point below the camera."""
+    """``auto``: the global position, else the autopilot's local one where its filter vouches for it, else none.
+    ``none``: targets are relative to the point below the camera."""
+    local_drift: float = 0.01
+    """One sigma of the drift of a local position, of the way flown."""
     attitude_message: Literal["auto", "ATTITUDE", "ATTITUDE_QUATERNION"] = "auto"
     """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is received, ATTITUDE before or if it is refused."""
     position_delay_s: float = 0.0
@@ -99,6 +102,7 @@ class Telemetry:
             ns_from_s(options.attitudes_kept_s),
             barometer=Barometer(),
             position_bias=bias,
+            local_drift=options.local_drift,
         )
         self._intake = Intake(
             self._kept,
@@ -253,6 +257,10 @@ class Telemetry:
         host_ns = self.clock.host_from_boot(boot_ns)
         return None if isinstance(host_ns, Unpaired) else (unix_ns - host_ns) * 1e-9
 
+    def message_hz(self, name: str, now: HostNs) -> float:
+        """Rate at which a message that is used arrives, Hz."""
+        return self._meter.rates_hz(now).get(name, 0.0)
+
     def attitude_hz(self, now: HostNs) -> float:
         """Rate of the message from which attitudes are taken, Hz; 0 while none arrive."""
         return self._meter.rates_hz(now).get(self._intake.choice.source or "", 0.0)
@@ -274,6 +282,7 @@ class Telemetry:
             attitude_stamps_in_step=self._stamps.in_step,
             pitch_trim_undone_deg=self._intake.trim_undone_deg if source == EULER else None,
             relative_world=self.world.relative,
+            position=self.world.position_in_use,
             local_trouble=self.world.filter_status.local_trouble,
             height_source=self._kept.height_source,
             barometer_starts_in_air=self._kept.barometer.starts_in_air,
@@ -305,4 +314,4 @@ class Telemetry:
         self._kept.clear()
         self._intake.utc = None
         self._reboots += 1
-        return (Rebooted(now),)
+        return (Rebooted(now, self.world.on_reboot()),)

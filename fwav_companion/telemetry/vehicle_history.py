@@ -5,14 +5,15 @@ from __future__ import annotations
 from math import hypot
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.geometry.vectors import Vector3, subtract
 from fwav_companion.telemetry.attitude.history import AttitudeHistory
 from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
 from fwav_companion.telemetry.barometer import Barometer
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
-from fwav_companion.telemetry.position_bias import PositionBias
+from fwav_companion.telemetry.local_drift import LocalDrift
+from fwav_companion.telemetry.position_bias import USUAL_SIGMA_M, PositionBias
 from fwav_companion.types import (
     AttitudeSample,
     HeightSource,
@@ -42,9 +43,15 @@ class VehicleHistory:
         *,
         barometer: Barometer,
         position_bias: PositionBias | None = None,
+        local_drift: float = 0.01,
     ) -> None:
-        """``gimbal``: the gimbal that carries the camera; None without one. ``position_bias``: None: as configured."""
+        """``gimbal``: the gimbal that carries the camera; None without one. ``position_bias``: None: as configured.
+        ``local_drift``: one sigma of a local position's drift, of the way flown.
+        """
         self.position_bias = position_bias
+        self._drift_share = local_drift
+        self._local_drift: LocalDrift | None = None
+        """Drift of the positions; None where they are global."""
         self.barometer = barometer
         self._clock = clock
         self._stamps = stamps
@@ -59,7 +66,50 @@ class VehicleHistory:
         self._jumped_ns: BootNs | None = None
         """Instant of the first position after the last jump."""
 
-    def split_at_jump(self, boot_ns: BootNs) -> None:
+    def on_local_place(self, place: Vector3) -> None:
+        """Take the vehicle's place by the autopilot's local position, which is in use."""
+        if self._local_drift is None:
+            self._local_drift = LocalDrift(self._drift_share)
+        self._local_drift.on_position(place)
+
+    def begin_local(self) -> None:
+        """Begin the drift of local positions that carry global ones on: it adds to the error that these have."""
+        base_m = self._position_bias_m
+        self._local_drift = LocalDrift(self._drift_share, USUAL_SIGMA_M if base_m is None else base_m)
+
+    def end_local(self) -> float:
+        """End the drift of local positions; returns its one sigma, metres."""
+        drift, self._local_drift = self._local_drift, None
+        return 0.0 if drift is None else drift.sigma_m
+
+    @property
+    def receiver_sigma_m(self) -> float:
+        """One sigma of a global position's slow error, metres an axis."""
+        known_m = None if self.position_bias is None else self.position_bias.sigma_m
+        return USUAL_SIGMA_M if known_m is None else known_m
+
+    def place_at(self, boot_ns: BootNs) -> Vector3 | None:
+        """Vehicle's place in the world's frame at the instant, NED, metres; None where it is not known."""
+        point = self.positions.at(boot_ns)
+        if point is None:
+            return None
+        north, east, down = point.values
+        return (north, east, down)
+
+    def local_zero_at(self, boot_ns: BootNs) -> Vector3 | None:
+        """Zero of the autopilot's local frame in the world's: by its local position at this instant and the global one.
+
+        Both are taken at the newest global position, else extrapolated to this instant from there.
+        """
+        newest_ns = self.positions.newest_ns
+        for at_ns in (newest_ns, boot_ns):
+            place = None if at_ns is None else self.place_at(at_ns)
+            local = None if at_ns is None else self.local_position_at(at_ns)
+            if place is not None and local is not None:
+                return subtract(place, local)
+        return None
+
+    def jumped(self, boot_ns: BootNs) -> None:
         """Split the history: the position of this instant jumped beyond its velocity."""
         self.positions.split_at(boot_ns)
         self._jumped_ns = boot_ns
@@ -72,7 +122,7 @@ class VehicleHistory:
         for latest in (self.ranges, self.terrain):
             latest.clear()
         self.barometer.clear()
-        self._jumped_ns = None
+        self._jumped_ns = self._local_drift = None
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
         """Vehicle state at this instant, or the reason why its attitude is not known."""
@@ -83,7 +133,7 @@ class VehicleHistory:
         if position is not None:
             (north, east, down), (v_north, v_east, v_down) = position.values, position.rates
             position_ned, velocity_ned = (north, east, down), (v_north, v_east, v_down)
-        height_m, source = self._height_at(boot_ns)
+        height_m, source = self.height_at(boot_ns)
         nearest_range = self.ranges.near(boot_ns, RANGE_NEAR_NS)
         terrain = self.terrain.near(boot_ns, TERRAIN_NEAR_NS)
         return VehicleState(
@@ -95,7 +145,8 @@ class VehicleHistory:
             position_ned=position_ned,
             velocity_ned=velocity_ned,
             position_sigma_m=0.0 if position is None else position.sigma,
-            position_bias_m=None if self.position_bias is None else self.position_bias.sigma_m,
+            position_bias_m=self._position_bias_m,
+            position_drifts=self._local_drift is not None,
             height_above_home_m=height_m,
             height_bias_m=self.barometer.sigma_m(boot_ns) if source is HeightSource.BAROMETER else None,
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
@@ -151,12 +202,20 @@ class VehicleHistory:
     def height_source(self) -> str | None:
         """The message or sensor that shows the newest height; None without a height."""
         newest = self.attitudes.newest
-        _, source = self._height_at(newest.boot_ns) if newest is not None else (None, None)
+        _, source = self.height_at(newest.boot_ns) if newest is not None else (None, None)
         if source is HeightSource.BAROMETER:
             return f"{source.value} ({self.barometer.source})"
         return None if source is None else source.value
 
-    def _height_at(self, boot_ns: BootNs) -> tuple[float | None, HeightSource | None]:
+    @property
+    def _position_bias_m(self) -> float | None:
+        """One sigma of the slow error of the positions as the autopilot reports it, metres; None: as configured."""
+        if self._local_drift is not None:
+            return self._local_drift.sigma_m
+        return None if self.position_bias is None else self.position_bias.sigma_m
+
+    def height_at(self, boot_ns: BootNs) -> tuple[float | None, HeightSource | None]:
+        """Height above home at the instant, metres, and what shows it; None where it is not known."""
         for source, course in self.heights.items():  # in order of preference
             point = course.at(boot_ns)
             if point is not None:

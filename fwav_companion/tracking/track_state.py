@@ -157,8 +157,13 @@ def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
 
 
 def opened(target: TargetState, view: FrameView) -> TargetState:
-    """The target after a jump of the vehicle's reported position; unchanged where its filter does not model jumps."""
-    return target.jumped(view.jumped_m) if isinstance(target, StandingTargetState) else target
+    """The target after a jump of the vehicle's reported position, or a placing of the world on the earth; unchanged
+    where its filter does not model the position's error.
+    """
+    if not isinstance(target, StandingTargetState):
+        return target
+    placed = target.placed_on_earth(view.placed_sigma_m) if view.placed_sigma_m else target
+    return placed.jumped(view.jumped_m) if view.jumped_m else placed
 
 
 def teaches(fix: GroundFix) -> bool:

@@ -218,9 +218,9 @@ class Tracker:
 
     def _predicted(self, view: FrameView, landmarks: LandmarkTracking | None) -> list[LiveTrack]:
         """The live tracks, predicted to the instant of a frame."""
-        predicted = []
+        predicted, opens = [], view.jumped_m or view.placed_sigma_m
         for track in self._state.alive:
-            target = (opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns)
+            target = (opened(track.target, view) if opens else track.target).predict(view.host_ns)
             target = target if landmarks is None else landmarks.corrected(target)
             predicted.append(msgspec.structs.replace(track, target=target, fix=None, looked_for=False, innovation=None))
         return predicted

@@ -106,6 +106,8 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     pitch_trim_undone_deg: float | None = None
     relative_world: bool | None = None
     """Whether targets are relative to the vehicle; None until it is decided."""
+    position: str | None = None
+    """Position in use: global, local (the autopilot's own frame) or none; None until it is decided."""
     local_trouble: str | None = None
     """Why the autopilot does not vouch for its local position; "" where it does, None before its filter's report."""
     height_source: str | None = None

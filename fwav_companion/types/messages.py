@@ -166,6 +166,12 @@ class NoticeCode(StrEnum):
     used. Calibrate the gimbal's compass, or set its yaw zero."""
     RELATIVE_WORLD = "relative_world"
     """No global position came within 10 s: targets are relative to the point below the camera."""
+    LOCAL_WORLD = "local_world"
+    """No global position came, and the autopilot vouches for its local one: targets are in its local frame, without a
+    place on the earth."""
+    POSITION_SOURCE = "position_source"
+    """A global position came or was lost in flight: the vehicle's positions come from the other source, and the tracks
+    stay."""
     HOME_MOVED = "home_moved"
     """The autopilot's home changed: the `home` ground surface moves with it."""
     POSITION_JUMPED = "position_jumped"

@@ -188,6 +188,8 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """Interval of the attitude samples around this instant, seconds; rates over shorter intervals are noisier."""
     position_bias_m: float | None = None
     """One sigma of the position's slow error as the receiver reports it, metres an axis; None: as configured."""
+    position_drifts: bool = False
+    """Whether that error drifts with the way flown, as a local position's does: it grows and does not return."""
     height_sigma_m: float | None = None
     """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
     height_bias_m: float | None = None

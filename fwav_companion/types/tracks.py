@@ -166,6 +166,9 @@ class FrameView(msgspec.Struct, frozen=True):
     """Sightings without a fix, such as too shallow ones."""
     image_px2: float = 640.0 * 480.0
     """Area of the image, square pixels of the calibration."""
+    placed_sigma_m: float = 0.0
+    """One sigma of the place of NED's zero where it has got one on the earth since the last frame, metres an axis; 0
+    without that."""
     jumped_m: float = 0.0
     """Jump of the vehicle's reported position since the previous frame, metres; 0 without a jump."""
     landmarks: tuple[LandmarkSight, ...] = ()

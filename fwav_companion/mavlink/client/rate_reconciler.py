@@ -15,7 +15,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.rate_dialogue import Question, QuestionKind, RateDialogue, missing_rates
-from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, RateRow, RequestState
+from fwav_companion.mavlink.client.rate_table import ATTITUDE, NOT_KEPT, QUATERNION, REACHED, RateRow, RequestState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
@@ -77,6 +77,15 @@ class RateReconciler:
         if not self.takes_requests:
             for row in self.rows.values():
                 row.close(RequestState.UNSUPPORTED)
+
+    def add(self, row: RateRow, comes_hz: float) -> None:
+        """Add a message that is needed from now on, and arrives at ``comes_hz`` without a request of ours."""
+        row.is_learned, row.before_hz = True, comes_hz
+        if not self.takes_requests:
+            row.close(RequestState.UNSUPPORTED)
+        elif comes_hz >= REACHED * row.need_hz:
+            row.close(RequestState.GRANTED)
+        self.rows[row.name] = row
 
     @property
     def is_unanswered(self) -> bool:

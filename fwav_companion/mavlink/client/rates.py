@@ -23,7 +23,7 @@ from fwav_companion.mavlink.client.rate_table import (
     RequestState,
     new_row,
 )
-from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, missing_messages, other_firmwares
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import ATTITUDE_MESSAGES, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
@@ -55,11 +55,14 @@ class Rates:
         attitude_message: str = "auto",
         component: int = 191,
         more_parameters: tuple[str, ...] = (),
+        on_demand: Mapping[str, float] | None = None,
     ):
         """Start without an autopilot. ``wanted``: hertz by message name, the most important first.
-        ``more_parameters``: read once from an ArduPilot, in addition to the usual ones.
+        ``more_parameters``: read once from an ArduPilot, in addition to the usual ones. ``on_demand``: hertz of
+        messages that :meth:`want` may ask for.
         """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
+        self._on_demand = dict(on_demand or {})
         self._attitude_message = attitude_message
         self._component = component
         self._loop: RateReconciler | None = None
@@ -117,6 +120,18 @@ class Rates:
         since_ns, counts = self._before.take(autopilot.system, autopilot.component, now)
         hz = {name: hz for name, hz in self._wanted.items() if name not in other_firmwares(autopilot.kind)}
         self._begin(autopilot, [new_row(name, hz[name], since_ns, counts[name]) for name in hz], since_ns, now)
+
+    def want(self, name: str, comes_hz: float, now: HostNs) -> None:
+        """Request one more message from now on, unless this firmware lacks it. ``comes_hz``: rate at which it arrives
+        by itself: what stations on merging links go on getting.
+        """
+        loop = self._loop
+        if loop is None or name in loop.rows or name in missing_messages(loop.autopilot.kind):
+            return
+        self._wanted.setdefault(name, self._on_demand[name])
+        loop.add(new_row(name, self._wanted[name], now), comes_hz)
+        self._wake_when_due()
+        self._share(loop)
 
     def ask_again(self, why: str, now: HostNs) -> None:
         """Start over after a reboot: the autopilot has forgotten every rate. Refused rates are tried again."""

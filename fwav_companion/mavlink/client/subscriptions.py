@@ -28,6 +28,10 @@ ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS"})
 LOCAL_POSITION_NED serves only PX4's landing profile; ArduPilot's filter reports by EKF_STATUS_REPORT."""
 
 
+ONLY_IN_FIRMWARE = {"EKF_STATUS_REPORT": AutopilotKind.ARDUPILOT, "ESTIMATOR_STATUS": AutopilotKind.PX4}
+"""The firmware that alone has a message of those that may be requested later."""
+
+
 def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, float]:
     """Return message name -> hertz from [rates], the most important first: they are requested in this order."""
     return {
@@ -41,6 +45,11 @@ def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, f
         "SYSTEM_TIME": 1.0,
         "HOME_POSITION": 0.2,
     }
+
+
+def missing_messages(kind: AutopilotKind) -> frozenset[str]:
+    """The messages of those that may be requested later that this firmware does not have."""
+    return frozenset(name for name, owner in ONLY_IN_FIRMWARE.items() if owner is not kind)
 
 
 def other_firmwares(kind: AutopilotKind) -> frozenset[str]:

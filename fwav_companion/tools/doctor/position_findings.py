@@ -32,13 +32,22 @@ def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
             problem=f"localizes below the camera only, as configured; {_height_source(evidence, status)}",
             fix='[vehicle] position = "auto" where the autopilot knows its position',
         )
+    elif status.telemetry.position == "local":
+        yield Finding(
+            "local_position",
+            Level.NOTE,
+            where,
+            problem="no global position came: the autopilot's local one is used, which its filter vouches for; targets "
+            f"have no latitude and longitude; {_height_source(evidence, status)}",
+            fix='GNSS reception before the start gives places on the map; [vehicle] position = "none" uses neither',
+        )
     elif evidence.config.vehicle.position == "auto" and (relative or status.adopted_s >= MEASURED_S):
         yield Finding(
             "no_position",
             Level.WARNING,
             where,
-            problem="no global position came: localizes below the camera only, targets are relative to the vehicle; "
-            f"{_height_source(evidence, status)}"
+            problem=f"no global position came, and {_why_not_local(status)}: localizes below the camera only, targets "
+            f"are relative to the vehicle; {_height_source(evidence, status)}"
             if relative
             else "no global position yet",
             fix='wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
@@ -66,6 +75,16 @@ def _height(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Findi
             problem="no height: the vehicle was first heard armed, so that its barometer has no mean on the ground",
             fix='start the service before arming; or a rangefinder, or [ground] model = "fixed"',
         )
+
+
+def _why_not_local(status: RunStatus) -> str:
+    """Return why the autopilot's local position is not used in place of a global one."""
+    if not status.telemetry.rates_hz.get("LOCAL_POSITION_NED"):
+        return "no LOCAL_POSITION_NED"
+    trouble = status.telemetry.local_trouble
+    if trouble is None:
+        return "no EKF_STATUS_REPORT or ESTIMATOR_STATUS that vouches for the local one"
+    return f"the autopilot's filter does not vouch for the local one ({trouble})"
 
 
 def _height_source(evidence: Evidence, status: RunStatus) -> str:

@@ -55,6 +55,11 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     """Spectral density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
 
     @property
+    def is_constant(self) -> bool:
+        """Whether the error has no time constant: it changes only where its sigma grows, as a drift does."""
+        return not any(self.rates)
+
+    @property
     def prior_variances(self) -> tuple[float, ...]:
         """Variances of error and rate of each process, m^2 and (m/s)^2."""
         each = self.variance_each
@@ -157,9 +162,54 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
 
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state after a jump of the vehicle's position: the error's variance grows by ``variance``, m^2."""
+        return msgspec.structs.replace(self.with_drift(variance), means=())
+
+    def with_drift(self, variance: float) -> WanderingPlace:
+        """The state after a drift of the vehicle's position, whose error's variance grows by ``variance``, m^2."""
         place, error, *others = self.cov
-        jumped = (place, (error[0], error[1] + variance, *error[2:]), *others)
-        return msgspec.structs.replace(self, cov=jumped, means=())
+        return msgspec.structs.replace(self, cov=(place, (error[0], error[1] + variance, *error[2:]), *others))
+
+    def with_shifted_frame(self, variance: float) -> WanderingPlace:
+        """The state in a frame that is shifted by an unknown amount: the place errs by it, the error oppositely."""
+        place, error, *others = self.cov
+        shifted = (
+            (place[0] + variance, place[1] - variance, *place[2:]),
+            (error[0] - variance, error[1] + variance, *error[2:]),
+        )
+        return msgspec.structs.replace(self, cov=(*shifted, *others), means=())
+
+    def with_processes(self, wander: PositionWander) -> WanderingPlace:
+        """The state with the processes of another model of the error: its mean and covariances with the place stay.
+
+        From a sum of processes to one constant error the processes are added up, and their rates end. The other way the
+        error is shared evenly: each process has its prior variance, and as much covariance with the place as that
+        allows.
+        """
+        total = (self._summed(self.north), self._summed(self.east), self._summed(self.cov))
+        place_error, variance = total[2][0], self._summed_cov()
+        count = len(wander.rates)
+        if wander.is_constant:
+            cov: Table = ((self.cov[0][0], place_error, 0.0), (place_error, variance, 0.0), (0.0, 0.0, 0.0))
+            each: Row = (1.0,)
+        else:
+            fits = min(1.0, wander.sigma_m / sqrt(variance)) if variance > 0.0 else 0.0
+            cov = _with_errors(self.cov[0][0], wander.prior_variances, fits * place_error / count)
+            each = (1.0 / count,) * count
+        nothing = (0.0,) * len(self.north[0])
+        north, east = (
+            (table[0], *[row for share in each for row in (tuple([share * x for x in error]), nothing)])
+            for table, error in ((self.north, total[0]), (self.east, total[1]))
+        )
+        return WanderingPlace(north, east, cov, self.means)
+
+    @staticmethod
+    def _summed(table: Table) -> Row:
+        """Sum of the errors' rows."""
+        return tuple([sum(column) for column in zip(*table[1::2], strict=True)])
+
+    def _summed_cov(self) -> float:
+        """Variance of the sum of the errors, m^2."""
+        return sum(sum(row[1::2]) for row in self.cov[1::2])
 
     def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
         """The state with a new error of the vehicle's position, at the prior of its processes."""
@@ -180,15 +230,20 @@ def first_place(apparent: PointEstimate, wander: PositionWander) -> WanderingPla
 def _with_prior_errors(place: PointEstimate, wander: PositionWander, by_error: float) -> WanderingPlace:
     """The state of a place, with the errors at their priors. ``by_error``: covariance of place and each error, m^2."""
     variances = wander.prior_variances
-    errors = diagonal(variances)
-    by_errors = (by_error, 0.0) * len(wander.rates)
     nothing = (0.0,) * (1 + len(place.shared[0]))
     shared_n, shared_e = place.shared
     return WanderingPlace(
         north=((place.north_m, *shared_n), *[nothing] * len(variances)),
         east=((place.east_m, *shared_e), *[nothing] * len(variances)),
-        cov=((place.noise[0], *by_errors), *[(by, *row) for by, row in zip(by_errors, errors, strict=True)]),
+        cov=_with_errors(place.noise[0], variances, by_error),
     )
+
+
+def _with_errors(place: float, variances: Sequence[float], by_error: float) -> Table:
+    """Covariance of a place and independent errors and rates. ``by_error``: covariance of place and each error, m^2."""
+    by_errors = (by_error, 0.0) * (len(variances) // 2)
+    errors = diagonal(variances)
+    return ((place, *by_errors), *[(by, *row) for by, row in zip(by_errors, errors, strict=True)])
 
 
 Step: TypeAlias = tuple[float, float, float, float]

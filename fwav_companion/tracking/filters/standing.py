@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import ClassVar, Self
 
 import msgspec
@@ -40,6 +40,10 @@ SPREAD = 0.618
 over a second for any number of targets."""
 
 
+DRIFT_TIMES_S = (inf,)
+"""Time constants of an error that drifts: it never returns."""
+
+
 class StandingModel:
     """Model of the errors that all static targets share: biases, and wander of the vehicle's position. Immutable."""
 
@@ -54,6 +58,8 @@ class StandingModel:
     def wander_at(self, fix: GroundFix) -> PositionWander:
         """The wander with the sigma that the receiver reports at this fix; without a report, the configured one."""
         sigma_m = fix.sighting.state.position_bias_m
+        if fix.sighting.state.position_drifts and sigma_m:
+            return position_wander(sigma_m, DRIFT_TIMES_S)
         if sigma_m is None or sigma_m == self.wander.sigma_m or self.wander.sigma_m == 0.0:
             return self.wander
         return position_wander(sigma_m, self._times_s)
@@ -179,6 +185,26 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         wandering = self.wandering.with_jump(variance)
         return replace(self, apparent=apparent, predicted=apparent, fresh=None, wandering=wandering)
 
+    def drifted(self, variance: float) -> Self:
+        """The state after a drift of the vehicle's position by this variance along each axis, m^2.
+
+        The place stays where the first fixes had it: an error that does not return has no mean to average to.
+        """
+        apparent = self.apparent.with_noise((variance, 0.0, variance))
+        wandering = None if self.wandering is None else self.wandering.with_drift(variance)
+        state = replace(self, apparent=apparent, wandering=wandering)
+        return replace(state, predicted=state._predicted(self.host_ns))
+
+    def placed_on_earth(self, sigma_m: float) -> Self:
+        """The state after the world's zero got a place on the earth, with this one sigma along each axis.
+
+        Every target is off by the same error then, and the vehicle's position by its opposite: single fixes agree with
+        the apparent place as before.
+        """
+        if self.wandering is None:
+            return self
+        return replace(self, wandering=self.wandering.with_shifted_frame(sigma_m * sigma_m))
+
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
         return self.gates((fix,))[0]
@@ -231,6 +257,11 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         if wander == self.wander:
             return self
         state = replace(self, wander=wander)
+        if len(wander.rates) != len(self.wander.rates):
+            known = self.wandering
+            return replace(state, wandering=None if known is None else known.with_processes(wander))
+        if wander.is_constant and wander.sigma_m >= self.wander.sigma_m:
+            return state.drifted(wander.sigma_m**2 - self.wander.sigma_m**2)
         if self.wander.sigma_m == 0.0 or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
             return replace(state, predicted=state._predicted(self.host_ns))
         known = self.wandering or first_place(self.apparent, self.wander)

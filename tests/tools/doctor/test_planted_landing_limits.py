@@ -95,3 +95,34 @@ def test_local_position_that_the_filter_does_not_vouch_for_is_named_with_the_rea
     for not_reported in ("", None):
         assert examine(with_telemetry(evidence, local_trouble=not_reported)) == []
     assert examine(with_telemetry(heard(HEALTHY), local_trouble="no horizontal velocity")) == [], "no landing"
+
+
+def in_the_world(evidence, **telemetry):
+    """The evidence ten seconds after the start without a global position."""
+    later = with_telemetry(evidence, **telemetry)
+    return msgspec.structs.replace(later, status=msgspec.structs.replace(later.status, origin=None))
+
+
+def test_local_position_in_use_is_noted_with_what_it_costs():
+    evidence = in_the_world(heard(HEALTHY), position="local", relative_world=False)
+    (finding,) = examine(evidence)
+    assert (finding.code, finding.level) == ("local_position", Level.NOTE)
+    assert "no latitude and longitude; height by GLOBAL_POSITION_INT" in finding.problem
+
+
+@pytest.mark.parametrize(
+    ("trouble", "hz", "said"),
+    [
+        ("", 0.0, "no LOCAL_POSITION_NED"),
+        (None, 10.0, "no EKF_STATUS_REPORT or ESTIMATOR_STATUS"),
+        ("no horizontal velocity", 10.0, "(no horizontal velocity)"),
+    ],
+)
+def test_relative_world_is_reported_with_the_reason_why_the_local_position_is_not_used(trouble, hz, said):
+    evidence = heard(HEALTHY)
+    rates_hz = {**evidence.status.telemetry.rates_hz, "LOCAL_POSITION_NED": hz}
+    (finding,) = examine(
+        in_the_world(evidence, position="none", relative_world=True, local_trouble=trouble, rates_hz=rates_hz)
+    )
+    assert (finding.code, finding.level) == ("no_position", Level.WARNING)
+    assert said in finding.problem
