@@ -104,7 +104,7 @@ class WorldHandlers:
         if camera is None or plane is None or take_off is None:
             return
         self._placed_without_undulation = telemetry.undulation_m is None
-        self._terrain.report(camera, camera.placed(plane, take_off, telemetry.undulation_m), now)
+        self._terrain.report(camera, camera.on_origin(plane, take_off, telemetry.undulation_m), now)
 
     def place_ground_by_geoid(self, now: HostNs) -> None:
         """Set the ground model's origin again where the geoid was not known then, and is now."""

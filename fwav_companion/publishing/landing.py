@@ -14,7 +14,7 @@ from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, add, norm
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.landing_claim import image_motion_m_s, landing_sigma_m
+from fwav_companion.publishing.landing_claim import image_motion_m_s, is_nearer, landing_sigma_m
 from fwav_companion.publishing.landing_reports import LandingReports, LandingSight, Refusal, Withheld, landing_sight
 from fwav_companion.publishing.landing_vector import (
     StateAt,

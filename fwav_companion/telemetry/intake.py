@@ -176,7 +176,7 @@ class Intake:
         jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
         if jump is None:
             return ()
-        self._kept.jumped(boot_ns)
+        self._kept.split_at_jump(boot_ns)
         return (PositionJumped(boot_ns, *jump),)
 
     def _on_local_position(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:

@@ -109,7 +109,7 @@ class VehicleHistory:
                 return subtract(place, local)
         return None
 
-    def jumped(self, boot_ns: BootNs) -> None:
+    def split_at_jump(self, boot_ns: BootNs) -> None:
         """Split the history: the position of this instant jumped beyond its velocity."""
         self.positions.split_at(boot_ns)
         self._jumped_ns = boot_ns

@@ -157,7 +157,7 @@ def test_tag_of_known_size_is_located_below_the_least_height():
     assert located(low(height_m=0.3, size=False)).reason is Reason.TOO_LOW
     fix = located(low(height_m=0.3))
     assert off_m(fix) < 0.03
-    assert fix.drop_m == fix.best_height_m
+    assert fix.height_above_target_m == fix.best_height_m
     assert located(low(height_m=0.01), FixedGround(0.01)).reason is Reason.TOO_LOW
 
 
