@@ -5,33 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import inf, prod
-from typing import TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
+from fwav_companion.localization import TerrainGround, TerrainShift
 from fwav_companion.pairing import (
-    Pairer,
     RefusedFrame,
     VehicleSource,
     WaitingFrames,
     sees_nothing,
 )
 from fwav_companion.pipeline.camera_look import CameraLook
-from fwav_companion.pipeline.fix_agreement import FixAgreement
+from fwav_companion.pipeline.camera_parts import CameraParts, MakeParts
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
 from fwav_companion.pipeline.landmark_shift import LandmarkShift
-from fwav_companion.pipeline.pad_notices import CouldSee, PadJoiner, PadNotices, with_pads
-from fwav_companion.pipeline.readout_advice import ReadoutAdvice
+from fwav_companion.pipeline.pad_notices import CouldSee, PadNotices, with_pads
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
-from fwav_companion.tracking import FrameTracker, Reorder, Settled
+from fwav_companion.tracking import FrameTracker, Settled
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import (
@@ -63,25 +60,6 @@ class ProcessedFrame(msgspec.Struct, frozen=True):
     tracks: tuple[Track, ...]
     pixel_from_ned: Callable[[Vector3], tuple[float, float] | None] | None
     """Projects a position, NED, to its pixel in the frame's image; None where the camera's pose is unknown."""
-
-
-class CameraParts(msgspec.Struct, frozen=True):
-    """The rooms of a camera's pipeline: all that it knows of the flight."""
-
-    pairer: Pairer
-    localizer: Localizer
-    reorder: Reorder
-    agreement: FixAgreement
-    """Compares fixes for the status."""
-    readout: ReadoutAdvice
-    """Decides whether the unknown readout limits the accuracy."""
-    landmarks: LandmarkSights
-    pads: PadJoiner | None = None
-    """None without a pad and without a tag of known size."""
-
-
-MakeParts: TypeAlias = Callable[[KeptCalibration | None], CameraParts]
-"""Makes the rooms at the start of a flight; from the calibration of an earlier one, where there is one."""
 
 
 class CameraPipeline:

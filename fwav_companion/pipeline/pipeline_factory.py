@@ -39,7 +39,8 @@ from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pairing import LATEST_NS, Pairer, VehicleSource
-from fwav_companion.pipeline.camera_pipeline import CameraParts, CameraPipeline
+from fwav_companion.pipeline.camera_parts import CameraParts
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
