@@ -37,7 +37,7 @@ PURE = (
 REFUSED_NAMES = {
     *("alone", "apart", "astray", "believed", "bent", "calm", "carried", "coming", "curved", "displaced", "drop_m"),
     *("fresh", "independent", "judged", "misplaced", "mixed", "opened", "passed", "placed", "refined", "released"),
-    *("served", "ElevatedTarget", "steady", "Strange", "taught", "timed", "undone", "weighed"),
+    *("served", "StandingTarget", "steady", "Strange", "taught", "timed", "undone", "weighed"),
 }
 """Participles and adjectives that were names: of a thing, a name is a noun; of what is done, a verb."""
 ROOMS_BEING_REPLACED = ("estimation", "mavlink", "self_calibration", "telemetry", "tracking")

@@ -24,7 +24,7 @@ class TwoClocks(Protocol):
         """Autopilot seconds per host second; 1 for a clock that is a crystal's."""
 
 
-class LocalWorld(Protocol):
+class WorldFrame(Protocol):
     """The local frame of positions."""
 
     @property
@@ -40,7 +40,7 @@ class VehicleSource(Protocol):
         """The clocks of host and autopilot."""
 
     @property
-    def world(self) -> LocalWorld:
+    def world(self) -> WorldFrame:
         """The local frame of the vehicle's positions."""
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
