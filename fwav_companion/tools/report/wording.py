@@ -55,6 +55,10 @@ REASONS = {
     "no_terrain": "The line of sight meets a void of the elevation model that is too wide to be filled.",
     "beyond_terrain": "The line of sight leaves the elevation model before it meets the ground.",
     "terrain_unfit": "The elevation model disagrees with the take-off height.",
+    "part_of_pad": "The tag counts in the sighting of its pad: no refusal.",
+    "no_pad_pose": "The tag came without corners, or edge-on: it does not show where its pad is.",
+    "tag_copy": "The tag was in the picture twice; this one agrees less with its pad.",
+    "contradicts_pad": "The tag is not where its pad has it, as the pad's other tags show.",
     "weak_evidence": "The detection alone did not show whether it was of a known target near it.",
 }
 

@@ -114,6 +114,7 @@ def test_each_reason_is_of_frames_of_detections_or_of_tracks():
         "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "no_terrain",
         "terrain_unfit", "two_grounds", "no_pose",
         "weak_evidence",
+        "part_of_pad", "no_pad_pose", "tag_copy", "contradicts_pad",
     }  # fmt: skip
     tracks = {"never_confirmed", "not_seen", "not_seen_long", "origin_set", "autopilot_rebooted", "replaced",
               "too_many_tracks", "vehicle_changed"}  # fmt: skip
