@@ -250,11 +250,10 @@ class CameraPipeline:
         """Record that a world without a place on the earth got one, with one sigma; the next frame's tracks have it."""
         self._placed = (boot_ns, sigma_m)
 
-    def _placed_sigma_m(self, boot_ns: BootNs) -> float:
+    def _placed_sigma_m(self, placed_ns: BootNs, sigma_m: float, boot_ns: BootNs) -> float:
         """One sigma of the pending placing if a frame of this instant is the first after it, metres; else 0."""
-        if self._placed is None or boot_ns < self._placed[0]:
+        if boot_ns < placed_ns:
             return 0.0
-        _, sigma_m = self._placed
         self._placed = None
         return sigma_m
 
@@ -322,7 +321,7 @@ class CameraPipeline:
             unplaced=tuple(unplaced),
             image_px2=self._image_px2,
             jumped_m=self._jumped_m(paired.boot_ns),
-            placed_sigma_m=self._placed_sigma_m(paired.boot_ns),
+            placed_sigma_m=0.0 if self._placed is None else self._placed_sigma_m(*self._placed, paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),
         )
         self._agreement.add(view.fixes, view.host_ns)

@@ -74,8 +74,7 @@ class VehicleHistory:
 
     def begin_local(self) -> None:
         """Begin the drift of local positions that carry global ones on: it adds to the error that these have."""
-        base_m = self._position_bias_m
-        self._local_drift = LocalDrift(self._drift_share, USUAL_SIGMA_M if base_m is None else base_m)
+        self._local_drift = LocalDrift(self._drift_share, self.receiver_sigma_m)
 
     def end_local(self) -> float:
         """End the drift of local positions; returns its one sigma, metres."""
@@ -134,6 +133,7 @@ class VehicleHistory:
             (north, east, down), (v_north, v_east, v_down) = position.values, position.rates
             position_ned, velocity_ned = (north, east, down), (v_north, v_east, v_down)
         height_m, source = self.height_at(boot_ns)
+        slow_error = self.position_bias if self._local_drift is None else self._local_drift
         nearest_range = self.ranges.near(boot_ns, RANGE_NEAR_NS)
         terrain = self.terrain.near(boot_ns, TERRAIN_NEAR_NS)
         return VehicleState(
@@ -145,7 +145,7 @@ class VehicleHistory:
             position_ned=position_ned,
             velocity_ned=velocity_ned,
             position_sigma_m=0.0 if position is None else position.sigma,
-            position_bias_m=self._position_bias_m,
+            position_bias_m=None if slow_error is None else slow_error.sigma_m,
             position_drifts=self._local_drift is not None,
             height_above_home_m=height_m,
             height_bias_m=self.barometer.sigma_m(boot_ns) if source is HeightSource.BAROMETER else None,
@@ -206,13 +206,6 @@ class VehicleHistory:
         if source is HeightSource.BAROMETER:
             return f"{source.value} ({self.barometer.source})"
         return None if source is None else source.value
-
-    @property
-    def _position_bias_m(self) -> float | None:
-        """One sigma of the slow error of the positions as the autopilot reports it, metres; None: as configured."""
-        if self._local_drift is not None:
-            return self._local_drift.sigma_m
-        return None if self.position_bias is None else self.position_bias.sigma_m
 
     def height_at(self, boot_ns: BootNs) -> tuple[float | None, HeightSource | None]:
         """Height above home at the instant, metres, and what shows it; None where it is not known."""
