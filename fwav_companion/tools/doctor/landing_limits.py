@@ -80,7 +80,7 @@ def landing_limit_findings(evidence: Evidence, status: RunStatus) -> Iterator[Fi
         yield from _limits(status.parameters, evidence.config.publish.landing_max_sigma_m)
     if status.adopted_s < MEASURED_S:
         return
-    if kind == "ardupilot":
+    if kind == "ardupilot" and not evidence.config.publish.distance_sensor:
         yield from _no_rangefinder(status)
     elif kind == "px4":
         yield from _no_global_position(evidence, status)
@@ -111,7 +111,8 @@ def _no_rangefinder(status: RunStatus) -> Iterator[Finding]:
         WHERE,
         problem="no DISTANCE_SENSOR arrives: where the target is lost the vehicle descends straight on and never "
         "retries, whatever PLND_STRICT says",
-        fix="a rangefinder; or PLND_ALT_MIN and PLND_ALT_MAX both 0, which retries at any height",
+        fix="a rangefinder, or [publish] distance_sensor over a tag of known size; or PLND_ALT_MIN and PLND_ALT_MAX "
+        "both 0, which retries at any height",
     )
 
 

@@ -74,6 +74,11 @@ def test_copter_without_a_rangefinder_never_retries():
     assert codes(examine(with_parameters(evidence, PLND_ALT_MIN=0.0))) == ["landing_no_rangefinder"]
 
 
+def test_height_that_the_service_sends_itself_is_the_copters_rangefinder():
+    evidence = heard(HEALTHY.but({"autopilot.rangefinder": False}), [*LANDING, "publish.distance_sensor=true"])
+    assert "landing_no_rangefinder" not in found(evidence)
+
+
 def test_px4_needs_no_rangefinder_for_a_landing_and_a_global_position():
     px4 = heard(scenario("px4").but({"seed": 3}), LANDING)
     assert found(without(px4, "DISTANCE_SENSOR")) == []
