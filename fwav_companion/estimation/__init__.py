@@ -19,7 +19,6 @@ Each frame:
     estimator.begin(t)                                    # the live filter by the priors, until the first solve
     prediction = estimator.predict(frame, targets, alike) # None without a possible pair
     prediction.target, .residual, .covariance, .distance2 # detections against the targets that they may be of
-    prediction.joint_distance2(pairs)                     # one surprise of a whole hypothesis
     begin_target(estimator.live, number, sighting, moving=False)  # one that no other explains
     estimator.update(frame.with_targets(numbers), teaches) # new and moving targets do not teach
     found = cluster(model, carrier, s, shared, covariance, error, turn)  # which mount lets the sights meet

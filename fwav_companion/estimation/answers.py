@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, LEAST_SIGMA, MOUNT, NAMES, PITCH, ROLL, Array, SharedPriors
+from fwav_companion.estimation.errors import LEAST_SIGMA, MOUNT, NAMES, PITCH, ROLL, Array, SharedPriors
 
 Status = Literal["calibrated", "waiting", "contradicts"]
 CONTRADICTION_SIGMAS = 4.0
@@ -111,9 +111,3 @@ def camera_tilt(priors: SharedPriors, mean: Array, covariance: Array) -> tuple[P
 def contradiction(sigmas: float) -> str:
     """The reason of a parameter that contradicts the configuration."""
     return f"{sigmas:.1f} sigmas from the configuration"
-
-
-def is_calibrated(statuses: tuple[ParameterStatus, ...]) -> bool:
-    """Whether delay and mount are known and nothing contradicts the configuration."""
-    needed = [statuses[CAMERA_DELAY], *statuses[MOUNT]]
-    return all(s.status == "calibrated" for s in needed) and all(s.status != "contradicts" for s in statuses)

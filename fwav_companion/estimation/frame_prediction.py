@@ -56,15 +56,6 @@ class FramePrediction:
         other = (target[:, None] == target).sum(0) == 1
         return np.asarray(gated[one & other])
 
-    def joint_distance2(self, pairs: Ints) -> tuple[float, float]:
-        """Squared distance of several pairs together, and the log determinant of their covariance.
-
-        Three targets that are displaced alike are one surprise, not three.
-        """
-        rows = self.rows(pairs)
-        covariance, residual = self.covariance[np.ix_(rows, rows)], self.residual[rows]
-        return float(residual @ np.linalg.solve(covariance, residual)), float(np.linalg.slogdet(covariance)[1])
-
 
 class LinearisedPairs(NamedTuple):
     """Pairs of a frame's detections and targets, linearised once at the live filter's means then."""

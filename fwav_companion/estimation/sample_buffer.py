@@ -38,12 +38,6 @@ class SampleBuffer:
         self._times[self._end], self._values[:, self._end] = t, values
         self._end += 1
 
-    def forget_before(self, t: float) -> int:
-        """Delete the samples before t, and return how many they were."""
-        count = int(self.times.searchsorted(t))
-        self._first += count
-        return count
-
     def keep(self, which: Bools) -> None:
         """Delete the samples that the mask (n,) does not name."""
         times, values = self.times[which], self.values[:, which]

@@ -43,7 +43,6 @@ class Estimate:
     weight: float = 1.0  # mean robust weight of the newest sightings
     weights: Mapping[int, float] = field(default_factory=dict)  # mean robust weight of each target's sightings
     modes: tuple[DelayMode, ...] = ()
-    searched: bool = False
     surveys: Mapping[int, float] = field(default_factory=dict)  # robust weight of each landmark's survey
 
     @property
@@ -112,7 +111,7 @@ class SolveTask:
             self.t, state.shared, start.targets | dict(zip(ids, state.targets, strict=True)), knots, state.errors,
             kernel, problem.ids[order], mean[index], covariance[np.ix_(index, index)],
             step.covariance[np.ix_(few, few)], problem.wanders(kernel), float(weighted.weight.mean()),
-            dict(zip(ids, weights.tolist(), strict=True)), modes, self.search, problem.surveys(),
+            dict(zip(ids, weights.tolist(), strict=True)), modes, problem.surveys(),
         )  # fmt: skip
 
     def _considered(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
