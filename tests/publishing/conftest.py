@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.publishing.landing import Landing
 from fwav_companion.types import (
     BIAS_COUNT,
     Autopilot,
@@ -27,6 +28,8 @@ from fwav_companion.types import (
 )
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+from landing_options import OPTIONS
 
 S = 10**9
 NOW = 40_000 * S
@@ -154,3 +157,11 @@ def world():
         track=track,
         packed=packed,
     )
+
+
+@pytest.fixture
+def landing():
+    """LANDING_TARGET on the label "pad", for an autopilot without a lag."""
+    made = Landing(OPTIONS)
+    made.lag_s = 0.0
+    return made

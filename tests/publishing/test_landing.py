@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from landing_options import OPTIONS
 from msgspec import structs
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
@@ -14,15 +15,6 @@ from fwav_companion.publishing.landing import Landing
 from fwav_companion.publishing.landing_reports import Withheld
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.types import AutopilotKind, Destination, Reason, SizeHeight, TrackState, Unpaired
-
-OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
-
-
-@pytest.fixture
-def landing():
-    made = Landing(OPTIONS)
-    made.lag_s = 0.0
-    return made
 
 
 def rotation(q):

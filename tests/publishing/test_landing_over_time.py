@@ -2,27 +2,12 @@
 
 import numpy as np
 import pytest
+from landing_options import OPTIONS
 from msgspec import structs
-from scipy.spatial.transform import Rotation
 
 from fwav_companion.publishing.landing import Landing
 from fwav_companion.publishing.landing_reports import Withheld
-from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.types import Bias
-
-OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
-
-
-@pytest.fixture
-def landing():
-    made = Landing(OPTIONS)
-    made.lag_s = 0.0
-    return made
-
-
-def rotation(q):
-    w, x, y, z = q
-    return Rotation.from_quat([x, y, z, w])
 
 
 def clocked(world, sigma_s):

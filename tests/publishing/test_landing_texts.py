@@ -4,12 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from landing_options import OPTIONS
 from msgspec import structs
 
 from fwav_companion.publishing.landing import Landing
-from fwav_companion.publishing.options import PublishOptions
 
-OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
 SEEN = "pad seen: 4.00 m ahead, 3.00 m right, 95 % 0.24 m"
 """The pad 4 m north and 3 m east of a vehicle that heads north, known to 0.1 m (one sigma)."""
 
