@@ -1,8 +1,8 @@
 """Drift of an autopilot's local position: a share of the way flown, for nothing pins such a position to the ground.
 
 Optical flow errs by the scale of its height, visual odometry by that of its baseline: both by a share of the way, one
-sigma of which is [vehicle] local_drift. It is part of the position error that wanders; relative to the vehicle it
-cancels, as a receiver's does.
+sigma of which is [vehicle] local_drift. It grows with the way and does not return, as an error that wanders would;
+relative to the vehicle it cancels, as a receiver's does.
 """
 
 from __future__ import annotations

@@ -154,8 +154,8 @@ class World:
         return (LocalWorld(late, home_down_m),)
 
     def on_reboot(self) -> bool:
-        """Take a reboot of the autopilot. Returns whether it ended the local frame that was the world: then the wait
-        for a position begins anew.
+        """Take a reboot of the autopilot. Returns whether it ended the local frame that was the world: then it waits
+        for a position again.
         """
         ended, self._local, self._local_since_ns = self.local and self.plane is None, None, None
         self.local, self.local_zero_ned = False, ZERO3
