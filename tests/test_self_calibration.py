@@ -7,6 +7,7 @@ from flying import CAMERA, LINK, Companion, fly
 
 from fwav_companion.config import load, parse
 from fwav_companion.geometry.mounts import corrected_mount
+from fwav_companion.recording.line_types import CalibrationLine, TargetLine
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.types import NoticeCode
@@ -38,10 +39,10 @@ def calibrated():
 
 
 def test_a_late_camera_and_a_crooked_mount_are_found(calibrated):
-    line = [line for line in calibrated.companion.lines if line["type"] == "calibration"][-1]
-    assert line["status"] == "calibrated"
-    assert line["time_offset_s"] == pytest.approx(0.035, abs=0.003)
-    assert line["mount_deg"] == pytest.approx([0.5, 1.0, 2.0], abs=0.5)
+    line = [line for line in calibrated.companion.lines if isinstance(line, CalibrationLine)][-1]
+    assert line.status == "calibrated"
+    assert line.time_offset_s == pytest.approx(0.035, abs=0.003)
+    assert line.mount_deg == pytest.approx([0.5, 1.0, 2.0], abs=0.5)
     assert calibrated.error_m(calibrated.final()) < 0.25
 
 
@@ -75,7 +76,7 @@ def test_it_is_reported_with_what_it_does_not_correct(setting):
 def test_an_upside_down_camera_is_named_and_nothing_is_estimated():
     flown = fly(scenario("upside_down").but({"seconds": 20.0, "seed": 1}), ("tracking.self_calibration=true",))
     assert flown.companion.codes.count(NoticeCode.MOUNT_MISTAKE) == 1
-    lines = [line for line in flown.companion.lines if line["type"] == "calibration"]
+    lines = [line for line in flown.companion.lines if isinstance(line, CalibrationLine)]
     assert any("upside down" in line.get("mistake", "") for line in lines)
     assert "mistake" not in lines[0]
 
@@ -84,8 +85,8 @@ def test_errors_within_their_priors_are_no_mistake_of_the_mount():
     """The heading is off by 5.4 degrees for a sigma of 2, the mount by 1.9 for 1.1, the position wanders by 1 m."""
     flown = fly(scenario("figure_eight").but({"seconds": 40.0, "seed": 707}), ("tracking.self_calibration=true",))
     assert flown.mock.biases.heading_deg == pytest.approx(5.4, abs=0.1)
-    seen = [line for line in flown.companion.lines if line["type"] == "target" and line["fix"] is not None]
-    assert flown.mock.flight_s(round(seen[-1]["time_unix"] * 1e9) - flown.companion.unix_offset_ns) > 39.5
+    seen = [line for line in flown.companion.lines if isinstance(line, TargetLine) and line.fix is not None]
+    assert flown.mock.flight_s(round(seen[-1].time_unix * 1e9) - flown.companion.unix_offset_ns) > 39.5
 
 
 KEPT = KeptCalibration(

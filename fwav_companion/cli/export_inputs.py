@@ -16,7 +16,8 @@ import msgspec
 
 from fwav_companion.errors import InputFileError, UserError
 from fwav_companion.recording.folder import DETECTIONS, PICTURES, STAMPS, TARGETS
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_decoder import targets_decoder
+from fwav_companion.recording.line_types import Line
 
 if TYPE_CHECKING:
     from fwav_companion.recording.exports.viewer_scene import Message
@@ -41,7 +42,9 @@ class RecordedFlight:
         is_folder = path.is_dir()
         self._folder = path if is_folder else None
         self._targets = path / TARGETS if is_folder else path
+        self._decoder = targets_decoder()
         self._damaged = 0
+        """Lines of stamps and detections that are not whole."""
         if not self._targets.is_file():
             wanted = f"it has no {TARGETS}" if is_folder else "no such file"
             raise InputFileError(f"{path}: {wanted}; accepted: a recording's folder, or a targets file")
@@ -55,14 +58,14 @@ class RecordedFlight:
     def watched(self) -> Iterator[Iterator[Line]]:
         """The lines of the targets file; on a terminal with a bar by bytes."""
         if not sys.stderr.isatty():
-            yield self._lines(self._targets, _ignore)
+            yield self._target_lines(_ignore)
             return
         from rich.console import Console
         from rich.progress import Progress
 
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task("export", total=self._targets.stat().st_size)
-            yield self._lines(self._targets, lambda count: progress.advance(task, count))
+            yield self._target_lines(lambda count: progress.advance(task, count))
 
     def messages(self, lines: Iterable[Line]) -> Iterator[Message]:
         """All messages for viewers, by time."""
@@ -81,17 +84,25 @@ class RecordedFlight:
 
     def print_damage(self) -> None:
         """Report lines that were left out."""
-        if self._damaged:
-            noun = "line is" if self._damaged == 1 else "lines are"
-            print(f"NOTE: {self._damaged} {noun} incomplete and left out: the recording was cut off", file=sys.stderr)
+        damaged = self._damaged + self._decoder.damaged
+        for count, why in (
+            (damaged, "incomplete and left out: the recording was cut off"),
+            (self._decoder.unknown, "of a type that this version does not know, and left out"),
+        ):
+            if count:
+                print(f"NOTE: {count} {'line is' if count == 1 else 'lines are'} {why}", file=sys.stderr)
 
-    def _lines(self, path: Path, advance: Callable[[int], None]) -> Iterator[dict[str, Any]]:
-        return self._decoded(path, msgspec.json.Decoder(dict[str, Any]), advance)
-
-    def _decoded(self, path: Path, decoder: msgspec.json.Decoder[T], advance: Callable[[int], None]) -> Iterator[T]:
-        with path.open("rb") as file:
+    def _target_lines(self, advance: Callable[[int], None]) -> Iterator[Line]:
+        with self._targets.open("rb") as file:
             for raw in file:
                 advance(len(raw))
+                line = self._decoder.decode(raw)
+                if line is not None:
+                    yield line
+
+    def _decoded(self, path: Path, decoder: msgspec.json.Decoder[T]) -> Iterator[T]:
+        with path.open("rb") as file:
+            for raw in file:
                 try:
                     line = decoder.decode(raw)
                 except msgspec.DecodeError:
@@ -105,7 +116,9 @@ class RecordedFlight:
         if self._folder is None or not (self._folder / STAMPS).is_file():
             return []
         pictures = {file.name: file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS}
-        stamped = ((each, _name(each)) for each in self._lines(self._folder / STAMPS, _ignore))
+        stamped = (
+            (each, _name(each)) for each in self._decoded(self._folder / STAMPS, msgspec.json.Decoder(dict[str, Any]))
+        )
         return [(each, pictures[name]) for each, name in stamped if name in pictures]
 
     def _pictures(self) -> Iterator[Message]:
@@ -123,7 +136,7 @@ class RecordedFlight:
         kept = self.pictures_by_frame().keys()
         if self._folder is None or not kept or not (self._folder / DETECTIONS).is_file():
             return
-        for each in self._decoded(self._folder / DETECTIONS, msgspec.json.Decoder(_DetectedFrame), _ignore):
+        for each in self._decoded(self._folder / DETECTIONS, msgspec.json.Decoder(_DetectedFrame)):
             if each.frame in kept:  # the others are many, and their detections are not looked at
                 at_ns, found = _unix_ns(msgspec.structs.asdict(each)), msgspec.json.decode(each.detections)
                 if at_ns is not None and isinstance(found, list):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fwav_companion.recording.lines import Line
+    from fwav_companion.recording.line_types import Line
     from fwav_companion.replay import Photographs, Recording
 
     Watched = Callable[[str, Iterator[Line]], Iterator[Line]]
@@ -53,7 +53,7 @@ def replays(recording: Recording | Photographs) -> Iterator[Watched]:
     from rich.console import Console
     from rich.progress import Progress
 
-    from fwav_companion.recording.lines import line_unix_s
+    from fwav_companion.recording.line_types import line_unix_s
 
     begun, ended = recording.messages[0][0] * 1e-6, recording.messages[-1][0] * 1e-6
     with Progress(console=Console(stderr=True), transient=True) as progress:

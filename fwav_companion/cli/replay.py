@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+import msgspec
+
 from fwav_companion.cli.foreign_files import foreign_files
 from fwav_companion.cli.output import is_stdout, written
 from fwav_companion.cli.signals import as_by_ctrl_c
@@ -18,8 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from fwav_companion.recording.exports import Export
-    from fwav_companion.recording.lines import Line
+    from fwav_companion.recording.line_types import Line
+    from fwav_companion.recording.summary_types import ErrorsObject, SummaryLine
     from fwav_companion.tools.report.writer import ReportWriter
+    from fwav_companion.types.flight_status import LandmarkReport
 
 
 ERROR_SIZES = (("CE50", "ce50_m"), ("CE90", "ce90_m"), ("rms", "rms_m"))
@@ -143,7 +147,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         _print_summary(summary, stream)
     elif not is_stdout(arguments.out):  # there it is the last line already
-        print(json.dumps(summary))
+        print(json.dumps(msgspec.to_builtins(summary)))
     return 0
 
 
@@ -160,7 +164,7 @@ def _title(telemetry: Path) -> str:
     return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem
 
 
-def _write_all(out: str, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:
+def _write_all(out: str, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[SummaryLine, list[str]]:
     """Write the targets file and its exports. Returns the summary and the gross mistakes of the mount."""
     mistakes: set[str] = set()
     summary = _write(out, _with_mistakes(_exported(lines, exports), mistakes))
@@ -180,43 +184,48 @@ def _exported(lines: Iterator[Line], exports: Sequence[Export]) -> Iterator[Line
 
 def _with_mistakes(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
     """The same lines; gross mistakes of the mount that self-calibration named are added to ``mistakes``."""
+    from fwav_companion.recording.line_types import CalibrationLine
+
     for line in lines:
-        if "mistake" in line:
-            mistakes.add(line["mistake"])
+        if isinstance(line, CalibrationLine) and line.mistake:
+            mistakes.add(line.mistake)
         yield line
 
 
-def _write(out: str, lines: Iterator[Line]) -> Line:
+def _write(out: str, lines: Iterator[Line]) -> SummaryLine:
     """Write all lines and return the last one, the summary."""
     from fwav_companion.recording.lines import encode_line
+    from fwav_companion.recording.summary_types import SummaryLine
 
-    last: Line = {}
+    last: Line | None = None
     with written(out) as file:
         for last in lines:
             file.write(encode_line(last))
+    if not isinstance(last, SummaryLine):
+        raise TypeError(f"a replay ended without its summary: {last!r}")
     return last
 
 
-def _print_summary(summary: Line, stream: TextIO) -> None:
+def _print_summary(summary: SummaryLine, stream: TextIO) -> None:
     from fwav_companion.recording.labels import notice_texts, shift_text
 
-    print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
-    for things in ("frames", "detections"):
-        for reason, count in summary[f"dropped_{things}"].items():
-            why = "" if summary["fixes"] else _explained(reason)
+    print(f"{summary.frames} frames, {summary.detections} detections, {summary.fixes} fixes", file=stream)
+    for things, dropped in (("frames", summary.dropped_frames), ("detections", summary.dropped_detections)):
+        for reason, count in dropped.items():
+            why = "" if summary.fixes else _explained(reason)
             print(f"  not used: {count} {things} {reason}{why}", file=stream)
-    if "terrain" in summary:
-        print(f"  terrain: {shift_text(summary['terrain'])}", file=stream)
+    if summary.terrain is not None:
+        print(f"  terrain: {shift_text(summary.terrain)}", file=stream)
     for text in notice_texts(summary):
         print(f"  {text}", file=stream)
-    _print_landmarks(summary.get("landmarks", ()), stream)
-    if summary.get("shared_errors"):
+    _print_landmarks(summary.landmarks, stream)
+    if summary.shared_errors:
         from fwav_companion.tools.locate.answers import shared_line
 
-        for shared in summary["shared_errors"]:
-            print(f"  {shared_line(shared)}", file=stream)
-    if "errors" in summary:
-        _print_errors(summary["errors"], stream)
+        for shared in summary.shared_errors:
+            print(f"  {shared_line(msgspec.structs.asdict(shared))}", file=stream)
+    if summary.errors is not None:
+        _print_errors(summary.errors, stream)
 
 
 def _explained(reason: str) -> str:
@@ -226,33 +235,32 @@ def _explained(reason: str) -> str:
     return f": {REASONS.get(reason, '')}".rstrip(": ")
 
 
-def _print_landmarks(landmarks: Sequence[Line], stream: TextIO) -> None:
+def _print_landmarks(landmarks: Sequence[LandmarkReport], stream: TextIO) -> None:
     from fwav_companion.recording.labels import landmark_result
 
     for landmark in landmarks:
-        sights = f"{landmark['used']} sights" + (f", {landmark['refused']} refused" if landmark["refused"] else "")
-        print(f"  landmark {landmark['label']}: {landmark_result(landmark)} ({sights})", file=stream)
+        sights = f"{landmark.used} sights" + (f", {landmark.refused} refused" if landmark.refused else "")
+        print(f"  landmark {landmark.label}: {landmark_result(landmark)} ({sights})", file=stream)
 
 
-def _print_errors(errors: Line, stream: TextIO) -> None:
+def _print_errors(errors: ErrorsObject, stream: TextIO) -> None:
     """Print the state of each true target, and the statistics of fixes and tracks; probabilities are 95 %."""
     from fwav_companion.recording.labels import display_name
 
-    for target in errors["targets"]:
-        result = {"fixed": "fixed, never confirmed", "missed": "not found"}.get(target["state"])
+    for target in errors.targets:
+        result = {"fixed": "fixed, never confirmed", "missed": "not found"}.get(target.state)
         if result is None:
-            result = f"final {target['final_m']:.3f} m, claimed {target['claimed95_m']:.3f} m (95 %)"
-            result += ": OUTSIDE ITS CLAIM" if target["outside95"] else ""
-        print(f"  {display_name(target['label'])}: {result}", file=stream)
-    if errors["ghosts"]:
-        print(f"  {errors['ghosts']} ghosts: confirmed tracks without a target of their own", file=stream)
-    for things in ("fixes", "tracks"):
-        numbers = errors[things]["all"]
-        if numbers["samples"]:
-            coverage = numbers["coverage95"]
-            share = f"{1e2 * coverage['inside'] / coverage['n']:.0f} %"
-            interval = f"{1e2 * coverage['low']:.0f} to {1e2 * coverage['high']:.0f} %"
-            errors_m = ", ".join(f"{name} {numbers[key]:.3f} m" for name, key in ERROR_SIZES)
+            result = f"final {target.final_m:.3f} m, claimed {target.claimed95_m:.3f} m (95 %)"
+            result += ": OUTSIDE ITS CLAIM" if target.outside95 else ""
+        print(f"  {display_name(target.label)}: {result}", file=stream)
+    if errors.ghosts:
+        print(f"  {errors.ghosts} ghosts: confirmed tracks without a target of their own", file=stream)
+    for things, numbers in (("fixes", errors.fixes.overall), ("tracks", errors.tracks.overall)):
+        coverage = numbers.coverage95
+        if coverage is not None and numbers.nees is not None:
+            share = f"{1e2 * coverage.inside / coverage.n:.0f} %"
+            interval = f"{1e2 * coverage.low:.0f} to {1e2 * coverage.high:.0f} %"
+            errors_m = ", ".join(f"{name} {getattr(numbers, key):.3f} m" for name, key in ERROR_SIZES)
             claims = f"{share} inside their claimed 95 % ellipses (true share {interval})"
             print(f"  {things}: {errors_m}", file=stream)
-            print(f"    {claims}; mean normalised square {numbers['nees']:.1f}, 2 is right", file=stream)
+            print(f"    {claims}; mean normalised square {numbers.nees:.1f}, 2 is right", file=stream)

@@ -22,8 +22,9 @@ from fwav_companion.on_disk import content
 from fwav_companion.photographs.ground_control import control_points, is_ground_control
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.exports import Export, export_for
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.photograph_poses import PosesFile, parse_poses
+from fwav_companion.recording.summary_types import SharedErrorObject
 from fwav_companion.recording.tlog import load_tlog
 from fwav_companion.recording.truth import TruthPoint, parse_truth
 from fwav_companion.replay import (
@@ -97,10 +98,11 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
 
     def _shared_errors(
         self, sights: Mapping[int, Sequence[Sighting]], config: Config, downs: Sequence[float]
-    ) -> list[Line]:
+    ) -> list[SharedErrorObject]:
         from fwav_companion.tools.locate.replayed_sights import shared_errors
 
-        return list(shared_errors(sights, self.calibration.lens, config, downs))
+        found = shared_errors(sights, self.calibration.lens, config, downs)
+        return msgspec.convert(found, list[SharedErrorObject])
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import msgspec
+from typing import BinaryIO
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.ground.picture import GroundPicture
-from fwav_companion.ground.recorded_lines import RecordedLines
-from fwav_companion.recording.lines import line_unix_s
+from fwav_companion.ground.recorded_lines import PictureLine, RecordedLine, RecordedLines
+from fwav_companion.recording.line_decoder import LineDecoder
+from fwav_companion.recording.line_types import HeaderLine, line_unix_s
 
 MAX_LINE_BYTES = 4_000_000
 MAX_LINES_A_TICK = 20_000
 """Most lines that one tick reads, so that the page stays responsive at any density of lines."""
 LONGEST_PAUSE_S = 86_400.0
 """Longest time between two lines: the time of a line beyond it is damaged, and would hold up all that follow."""
-DAMAGED = (msgspec.MsgspecError, LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError)
-"""Errors that a line of any content can cause."""
+IMPLAUSIBLE = (ValueError, ArithmeticError)
+"""Errors that the numbers of a whole line can cause."""
 ACCEPTED = "accepted: a targets file of `run`, `replay` or `demo`, or a recording of `ground --record`"
 
 
@@ -31,12 +30,15 @@ class ReplayReader:
         """InputFileError where the file cannot be read or is not a recording."""
         self._path, self._picture, self._speed = path, picture, speed
         self._lines = RecordedLines(picture)
+        self._decoder: LineDecoder[RecordedLine] = LineDecoder(RecordedLine)
+        self._implausible = 0
+        """Whole lines that were left out for their numbers."""
         try:
             self._file = Path(path).open("rb")  # noqa: SIM115  # it is read over the whole run
         except OSError as error:
             raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
         self._source = self._lines_by_time(self._file)
-        self._next: tuple[float, Mapping[str, Any]] | None
+        self._next: tuple[float, RecordedLine] | None
         try:
             self._next = next(self._source)
         except StopIteration:
@@ -44,7 +46,7 @@ class ReplayReader:
             raise InputFileError(f"{path}: is not a recording, or has no line with a time; {ACCEPTED}") from None
         self._start_unix = self._newest_unix = self._next[0]
         self._began_s: float | None = None
-        self._damaged = 0
+        self._reported = 0
 
     def now(self) -> float:
         """Time of the recording."""
@@ -67,16 +69,23 @@ class ReplayReader:
             self._newest_unix, line = self._next
             self._next = next(self._source, None)
             self._take(line)
+            if self._damaged != self._reported:
+                self._reported = self._damaged
+                self._say(f"plays at {self._speed:g}x")
             if self._next is None:
                 self._say("has ended: this is its last state")
 
-    def _take(self, line: Mapping[str, Any]) -> None:
-        """Process a line; a damaged one is left out, and counted."""
+    @property
+    def _damaged(self) -> int:
+        """Lines that were left out."""
+        return self._decoder.damaged + self._implausible
+
+    def _take(self, line: RecordedLine) -> None:
+        """Process a line; one with implausible numbers is left out, and counted."""
         try:
             self._lines.take(line, self._newest_unix)
-        except DAMAGED:
-            self._damaged += 1
-            self._say(f"plays at {self._speed:g}x")
+        except IMPLAUSIBLE:
+            self._implausible += 1
 
     def _say(self, text: str) -> None:
         damaged = f"; {self._damaged} damaged lines were left out" if self._damaged else ""
@@ -86,24 +95,22 @@ class ReplayReader:
         """Release the file."""
         self._file.close()
 
-    def _lines_by_time(self, file: BinaryIO) -> Iterator[tuple[float, Mapping[str, Any]]]:
+    def _lines_by_time(self, file: BinaryIO) -> Iterator[tuple[float, RecordedLine]]:
         """Lines with their times, which never decrease; a line without one belongs to the line before."""
         newest: float | None = None
-        waiting: list[Mapping[str, Any]] = []
+        waiting: list[RecordedLine] = []
         while data := file.readline(MAX_LINE_BYTES):
-            try:
-                line = msgspec.json.decode(data)
-                stated = line_unix_s(line, self._lines.offset_s)
-                at = None if stated is None else float(stated)
-            except DAMAGED:
-                if newest is None:
-                    return
-                continue  # a line that a power cut has shortened
-            if at is not None and newest is not None and at > newest + LONGEST_PAUSE_S:
-                self._damaged += 1
+            line = self._decoder.decode(data)
+            if line is None:
+                if newest is None and self._decoder.damaged:
+                    return  # another kind of file
                 continue
-            if line["type"] == "header":
-                self._lines.offset_s = line.get("unix_offset_s") or 0.0
+            at = line.time_unix if isinstance(line, PictureLine) else line_unix_s(line, self._lines.offset_s)
+            if at is not None and newest is not None and at > newest + LONGEST_PAUSE_S:
+                self._implausible += 1
+                continue
+            if isinstance(line, HeaderLine):
+                self._lines.offset_s = line.unix_offset_s
             if at is None and newest is None:
                 waiting.append(line)
                 continue

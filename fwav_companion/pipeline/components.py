@@ -21,7 +21,8 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.pipeline.track_marks import track_marks
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness, obstacle
-from fwav_companion.recording.lines import Line, clock_line
+from fwav_companion.recording.line_types import ClockEstimateLine
+from fwav_companion.recording.lines import clock_line
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import (
     Autopilot,
@@ -149,7 +150,7 @@ class Components:
         places = [plane.geodetic_from_ned(each) for each in self.camera.footprint(self.publisher.image_size, now)]
         return tuple((round(place.lat_deg, 7), round(place.lon_deg, 7)) for place in places)
 
-    def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
+    def clock_line(self, at: HostNs, unix_offset_ns: int) -> ClockEstimateLine | None:
         """Clock line of the recording at this instant; None while the clock is unknown."""
         boot_ns = self.telemetry.clock.boot_from_host(at)
         if isinstance(boot_ns, Unpaired):

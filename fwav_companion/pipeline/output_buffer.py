@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line
 from fwav_companion.types import Notice, Outgoing
 from fwav_companion.types.spots import SpotMessage
 

@@ -6,7 +6,8 @@ from math import degrees
 
 from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.recording.lines import Line, calibration_line
+from fwav_companion.recording.line_types import CalibrationLine
+from fwav_companion.recording.lines import calibration_line
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, NoticeCode, Severity
 from fwav_companion.types.flight_status import SelfCalibrationReport
@@ -30,7 +31,7 @@ class SelfCalibrationNotices:
         """Number of reports in a row, one a second, that contradict a prior."""
         self._reported_status = CalibrationStatus.WAITING
 
-    def line(self, report: CalibrationReport, time_unix: float) -> Line:
+    def line(self, report: CalibrationReport, time_unix: float) -> CalibrationLine:
         """Line for the recording. Its time offset is the total, the configured one included."""
         return calibration_line(
             time_unix,

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import msgspec
-
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.pairing import PairedFrame, RefusedFrame
-from fwav_companion.recording.lines import Line, header_line, origin_line, sighting_line, target_line, unix_seconds
+from fwav_companion.recording.line_types import HeaderLine, Line, SightingLine
+from fwav_companion.recording.lines import header_line, origin_line, sighting_line, target_line, unix_seconds
+from fwav_companion.recording.summary_types import NoticeObject, ShiftObject, SummaryLine
 from fwav_companion.tracking import Settled
 from fwav_companion.types import GroundFix, NoFix, Notice, NoticeCode, Reason, Track, TrackState
 from fwav_companion.types.flight_status import LandmarkReport
@@ -49,13 +49,13 @@ class TargetLog:
         self._held: list[Line] | None = []
         self.lines: list[Line] = []
         """Lines that wait for :meth:`take`."""
-        self._sightings: dict[tuple[HostNs, int], list[Line]] = {}
+        self._sightings: dict[tuple[HostNs, int], list[SightingLine]] = {}
         self._last_lines: dict[int, tuple[TrackState, HostNs]] = {}
         """State and capture in the last line of each live track, by id."""
         self.frames = 0
         self.detections = 0
         self.fixes = 0
-        self.terrain: Line | None = None
+        self.terrain: ShiftObject | None = None
         """Last shift of the elevation model, for the summary."""
         self.landmarks: Callable[[], list[LandmarkReport]] = list
         """Returns the present reports of the landmarks, for the summary."""
@@ -122,7 +122,7 @@ class TargetLog:
         if len(self._held) >= MAX_HELD_LINES:
             self.begin(None)
 
-    def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
+    def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[SightingLine]) -> None:
         """Keep the sighting lines of a frame until it is settled."""
         if not self.written:
             return
@@ -159,17 +159,6 @@ class TargetLog:
         lines, self.lines = self.lines, []
         return lines
 
-    def counts(self) -> dict[str, Any]:
-        """Counts of frames, detections, fixes and refusals so far."""
-        return {
-            "frames": self.frames,
-            "detections": self.detections,
-            "fixes": self.fixes,
-            "dropped": self.refusals(),
-            "dropped_frames": self.refused_frames(),
-            "dropped_detections": self.refused_detections(),
-        }
-
     def refusals(self) -> dict[str, int]:
         """Counts of the refusals so far by reason, in alphabetical order."""
         return _by_name(self._dropped_frames + self._dropped_detections)
@@ -182,30 +171,37 @@ class TargetLog:
         """Counts by reason of refused detections in frames that were used, in alphabetical order."""
         return _by_name(self._dropped_detections)
 
-    def header(self) -> Line | None:
+    def header(self) -> HeaderLine | None:
         """First line of a file that begins now; None before the origin is decided."""
         return None if self._held is not None else self._header()
 
-    def _header(self) -> Line:
+    def _header(self) -> HeaderLine:
         return header_line(self._version, self._origin, self._unix_offset_ns, self._config)
 
-    def summary(self) -> Line:
+    def summary(self) -> SummaryLine:
         """The summary, last line of the file."""
-        terrain = {} if self.terrain is None else {"terrain": self.terrain}
-        shown = [msgspec.structs.asdict(landmark) for landmark in self.landmarks()]
-        landmarks = {"landmarks": shown} if shown else {}
-        noted = [{"code": code.value, "text": text, "times": n} for code, (text, n) in self._notices.items()]
-        notices = {"notices": noted} if noted else {}
-        return {"type": "summary", **self.counts(), **terrain, **landmarks, **notices}
+        return SummaryLine(
+            frames=self.frames,
+            detections=self.detections,
+            fixes=self.fixes,
+            dropped=self.refusals(),
+            dropped_frames=self.refused_frames(),
+            dropped_detections=self.refused_detections(),
+            terrain=self.terrain,
+            landmarks=tuple(self.landmarks()),
+            notices=tuple(
+                NoticeObject(code=code.value, text=text, times=times) for code, (text, times) in self._notices.items()
+            ),
+        )
 
 
 def _by_name(counts: Counter[Reason]) -> dict[str, int]:
     return {reason.value: count for reason, count in sorted(counts.items())}
 
 
-def sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
+def sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[SightingLine]:
     """One sighting line for each detection, in the order of the frame."""
-    lines: dict[int, Line] = {}
+    lines: dict[int, SightingLine] = {}
     for index, reason, gap_s in paired.refused:
         lines[index] = sighting_line(paired.number, index, sighting=None, fix=None, reason=reason, gap_s=gap_s)
     for sighting, fix in zip(paired.sightings, located, strict=True):

@@ -7,7 +7,9 @@ from fwav_companion.localization import TerrainShift
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.recording.lines import terrain_line, unix_seconds
+from fwav_companion.recording.line_types import TerrainLine
+from fwav_companion.recording.lines import unix_seconds
+from fwav_companion.recording.summary_types import ShiftObject
 from fwav_companion.types import Notice, NoticeCode, Severity
 
 
@@ -29,8 +31,9 @@ class TerrainReports:
             return
         if shift is not None:
             at_s = unix_seconds(now, self._unix_offset_ns)
-            line = terrain_line(at_s, shift.shift_m, shift.sigma_m, shift.source.value)
+            last = ShiftObject(shift_m=shift.shift_m, sigma_m=shift.sigma_m, source=shift.source.value)
+            self._target_log.terrain = last
+            line = TerrainLine(time_unix=at_s, shift_m=last.shift_m, sigma_m=last.sigma_m, source=last.source)
             self._target_log.write(line)
-            self._target_log.terrain = {name: line[name] for name in ("shift_m", "sigma_m", "source")}
         if text:
             self._outputs.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)

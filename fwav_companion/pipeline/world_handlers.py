@@ -11,7 +11,8 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.pipeline.terrain_reports import TerrainReports
-from fwav_companion.recording.lines import home_line, origin_line, unix_seconds
+from fwav_companion.recording.line_types import HomeLine
+from fwav_companion.recording.lines import origin_line, unix_seconds
 from fwav_companion.telemetry import (
     HomeMoved,
     LocalWorld,
@@ -115,7 +116,7 @@ class WorldHandlers:
         """Set the home surface to ``down_m`` below the origin."""
         if self._components.camera is not None:
             self._components.camera.home_moved(down_m)
-        self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
+        self._target_log.write(HomeLine(time_unix=unix_seconds(now, self._unix_offset_ns), down=down_m))
 
     def _want_local_position(self, now: HostNs) -> None:
         """Request the autopilot's local position and its filter's report: there is no global position."""

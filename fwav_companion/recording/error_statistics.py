@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil, isfinite, log, sqrt
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -29,29 +29,47 @@ class ErrorSample(msgspec.Struct, frozen=True, gc=False):
     """Square of the error over the reported covariance, 2 degrees of freedom."""
 
 
-def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
-    """Statistics over all samples, in metres; ``series``: the samples of one target each, in order of time.
+class Coverage(msgspec.Struct, frozen=True, kw_only=True):
+    """The errors that are inside their reported 95 % ellipses."""
 
-    ``ce50_m`` and ``ce90_m`` are the radii that contain 50 % and 90 % of the errors. ``coverage95`` is the share of the
-    errors inside their reported 95 % ellipses, with the 95 % interval of this share (Wilson 1927) for the number of
-    independent samples that the correlation in time leaves. ``nees`` is the mean normalised square: 2 where the
-    covariances are right.
-    """
+    n: int
+    inside: int
+    low: float
+    """The 95 % interval of the true share (Wilson 1927) for the number of independent samples that the correlation in
+    time leaves."""
+    high: float
+
+
+class ErrorStatistics(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Statistics over samples, in metres; without a sample only their number is written."""
+
+    samples: int
+    rms_m: float | None = None
+    ce50_m: float | None = None
+    """Radius that contains 50 % of the errors."""
+    ce90_m: float | None = None
+    coverage95: Coverage | None = None
+    nees: float | None = None
+    """Mean normalised square: 2 where the covariances are right."""
+
+
+def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> ErrorStatistics:
+    """Statistics over all samples; ``series``: the samples of one target each, in order of time."""
     samples = [sample for each in series for sample in each]
     if not samples:
-        return {"samples": 0}
+        return ErrorStatistics(samples=0)
     errors = sorted(sample.error_m for sample in samples)
     inside = sum(sample.normalised2 <= CHI2_95 for sample in samples)
     independent = sum(_independent_count([sample.normalised2 for sample in each]) for each in series if each)
     low, high = wilson(inside / len(samples), independent)
-    return {
-        "samples": len(samples),
-        "rms_m": sqrt(sum(error * error for error in errors) / len(errors)),
-        "ce50_m": _quantile(errors, 0.5),
-        "ce90_m": _quantile(errors, 0.9),
-        "coverage95": {"n": len(samples), "inside": inside, "low": low, "high": high},
-        "nees": sum(sample.normalised2 for sample in samples) / len(samples),
-    }
+    return ErrorStatistics(
+        samples=len(samples),
+        rms_m=sqrt(sum(error * error for error in errors) / len(errors)),
+        ce50_m=_quantile(errors, 0.5),
+        ce90_m=_quantile(errors, 0.9),
+        coverage95=Coverage(n=len(samples), inside=inside, low=low, high=high),
+        nees=sum(sample.normalised2 for sample in samples) / len(samples),
+    )
 
 
 def wilson(share: float, n: float) -> tuple[float, float]:

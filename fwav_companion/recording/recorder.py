@@ -19,7 +19,8 @@ from fwav_companion.recording.folder import (
     SpaceError,
     lack_of_room,
 )
-from fwav_companion.recording.lines import Line, encode_line
+from fwav_companion.recording.line_types import HeaderLine, Line
+from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.spans import BeginSpan, PictureRecord, SpanRecord, Spans, Step
 from fwav_companion.recording.tlog import tlog_record
 
@@ -98,7 +99,7 @@ class Recorder:
 
     def target(self, unix_us: int, line: Line) -> None:
         """Queue one line of the targets."""
-        self._put(SpanRecord(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
+        self._put(SpanRecord(unix_us, TARGETS, encode_line(line), isinstance(line, HeaderLine)))
 
     def picture(self, file: str, jpeg: bytes, line: bytes) -> None:
         """Queue a picture and its line of stamps. The picture is left out where the disk is too slow or too full."""

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from math import hypot, sqrt
-from typing import Any
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.ellipses import semi_axes
 from fwav_companion.geometry.small_matrices import squared_distance
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.recording.error_statistics import CHI2_95, CHI2_999, ErrorSample, error_statistics
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import HeaderLine, Line, OriginLine, PlaceObject, TargetLine
+from fwav_companion.recording.summary_types import ErrorsObject, LabelErrorObject, StatisticsObject, TargetErrorObject
 from fwav_companion.recording.truth import Truth, TruthPoint
-from fwav_companion.types import TrackState
-
-CONFIRMED = (TrackState.CONFIRMED, TrackState.COASTING)
 
 
 class TrackErrors:
@@ -58,42 +55,41 @@ class ErrorTally:
 
     def add(self, line: Line) -> None:
         """Process the next line of a targets file."""
-        if line["type"] in ("header", "origin") and line["origin"] is not None:
-            origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
-        elif line["type"] == "target":
-            if line["fix"] is not None:
-                nearest = min(self._errors(line, line["fix"]).items(), key=lambda each: each[1].error_m, default=None)
+        if isinstance(line, HeaderLine | OriginLine) and line.origin is not None:
+            self._plane = line.origin.plane
+        elif isinstance(line, TargetLine):
+            if line.fix is not None:
+                nearest = min(self._errors(line, line.fix).items(), key=lambda each: each[1].error_m, default=None)
                 if nearest is not None:
                     self._fixes[nearest[0]].append(nearest[1])
-            if line["state"] in CONFIRMED:
+            if line.is_confirmed:
                 self._add_track(line)
 
-    def _errors(self, line: Line, estimate: Line) -> dict[int, ErrorSample]:
+    def _errors(self, line: TargetLine, estimate: TargetLine | PlaceObject) -> dict[int, ErrorSample]:
         """Errors of an estimate against every true target of its label."""
         errors: dict[int, ErrorSample] = {}
         for index, (label, truth) in enumerate(self._targets):
-            true_ned = truth.ned_at(line["time_unix"], self._plane) if label in ("", line["label"]) else None
+            true_ned = truth.ned_at(line.time_unix, self._plane) if label in ("", line.label) else None
             if true_ned is not None:
                 errors[index] = error_sample(true_ned, estimate)
         return errors
 
-    def _add_track(self, line: Line) -> None:
+    def _add_track(self, line: TargetLine) -> None:
         errors = self._errors(line, line)
         if not errors:
             return
-        track = self._tracks.get(line["track"])
+        track = self._tracks.get(line.track)
         if track is None:
-            track = self._tracks[line["track"]] = TrackErrors(line["label"])
-            track.first_s = line["time_unix"]
-        track.last_s, track.final = line["time_unix"], errors
-        track.major95_m = sqrt(CHI2_95) * semi_axes(line["cov"])[0]
+            track = self._tracks[line.track] = TrackErrors(line.label)
+            track.first_s = line.time_unix
+        track.last_s, track.final = line.time_unix, errors
+        track.major95_m = sqrt(CHI2_95) * semi_axes(line.cov)[0]
         for index, sample in errors.items():
             track.samples.setdefault(index, []).append(sample)
 
     # Summary.
 
-    def summary(self) -> Line:
+    def summary(self) -> ErrorsObject:
         """Statistics of fixes and tracks, per label and in total; the state of each target; the number of ghosts."""
         found, ghosts = self._assigned()
         tracked = {
@@ -101,15 +97,15 @@ class ErrorTally:
             for index, numbers in found.items()
         }
         targets = [self._target(index, label, found.get(index, [])) for index, (label, _) in enumerate(self._targets)]
-        return {
-            "fixes": self._statistics(self._fixes),
-            "tracks": self._statistics(tracked),
-            "labels": {label: _of_label(label, targets) for label in dict.fromkeys(each["label"] for each in targets)},
-            "targets": targets,
-            "ghosts": ghosts,
-        }
+        return ErrorsObject(
+            fixes=self._statistics(self._fixes),
+            tracks=self._statistics(tracked),
+            labels={label: _of_label(label, targets) for label in dict.fromkeys(each.label for each in targets)},
+            targets=targets,
+            ghosts=ghosts,
+        )
 
-    def targets(self) -> tuple[list[Line], int]:
+    def targets(self) -> tuple[list[TargetErrorObject], int]:
         """State and final error of each target, and the number of ghosts: the part of the summary that is cheap."""
         found, ghosts = self._assigned()
         return [self._target(i, label, found.get(i, [])) for i, (label, _) in enumerate(self._targets)], ghosts
@@ -136,43 +132,43 @@ class ErrorTally:
                 placed.add(number)
         return found, len(self._tracks) - len(placed)
 
-    def _target(self, index: int, label: str, numbers: Sequence[int]) -> Line:
+    def _target(self, index: int, label: str, numbers: Sequence[int]) -> TargetErrorObject:
         if numbers:
             number = max(numbers, key=lambda each: self._tracks[each].last_s)
             track = self._tracks[number]
             final = track.final[index]
-            return {
-                "label": label,
-                "state": "found",
-                "track": number,
-                "final_m": final.error_m,
-                "claimed95_m": track.major95_m,
-                "outside95": final.normalised2 > CHI2_95,
-            }
+            return TargetErrorObject(
+                label=label,
+                state="found",
+                track=number,
+                final_m=final.error_m,
+                claimed95_m=track.major95_m,
+                outside95=final.normalised2 > CHI2_95,
+            )
         near = [sample for sample in self._fixes[index] if sample.normalised2 < CHI2_999]
-        return {"label": label, "state": "fixed" if near else "missed", "final_m": None}
+        return TargetErrorObject(label=label, state="fixed" if near else "missed", final_m=None)
 
-    def _statistics(self, by_target: dict[int, list[ErrorSample]]) -> dict[str, Any]:
+    def _statistics(self, by_target: dict[int, list[ErrorSample]]) -> StatisticsObject:
         labels: dict[str, list[list[ErrorSample]]] = {}
         for index, samples in by_target.items():
             labels.setdefault(self._targets[index][0], []).append(samples)
-        return {
-            "all": error_statistics([samples for series in labels.values() for samples in series]),
-            "labels": {label: error_statistics(series) for label, series in labels.items()},
-        }
+        return StatisticsObject(
+            overall=error_statistics([samples for series in labels.values() for samples in series]),
+            labels={label: error_statistics(series) for label, series in labels.items()},
+        )
 
 
-def error_sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
+def error_sample(true_ned: Vector3, estimate: TargetLine | PlaceObject) -> ErrorSample:
     """Error of an estimate with a covariance, a target line or its fix."""
-    north, east = estimate["north"] - true_ned[0], estimate["east"] - true_ned[1]
-    (nn, ne, _), (_, ee, _), _ = estimate["cov"]
+    north, east = estimate.north - true_ned[0], estimate.east - true_ned[1]
+    (nn, ne, _), (_, ee, _), _ = estimate.cov
     return ErrorSample(hypot(north, east), squared_distance(north, east, (nn, ne, ee)))
 
 
-def _of_label(label: str, targets: Sequence[Line]) -> Line:
+def _of_label(label: str, targets: Sequence[TargetErrorObject]) -> LabelErrorObject:
     """State and final error of a label: the worst of its targets'."""
-    of_label = [each for each in targets if each["label"] == label]
-    states = [each["state"] for each in of_label]
+    of_label = [each for each in targets if each.label == label]
+    states = [each.state for each in of_label]
     state = next(each for each in ("missed", "fixed", "found") if each in states)
-    errors = [each["final_m"] for each in of_label if each["final_m"] is not None]
-    return {"state": state, "final_m": max(errors) if errors else None}
+    errors = [each.final_m for each in of_label if each.final_m is not None]
+    return LabelErrorObject(state=state, final_m=max(errors) if errors else None)

@@ -16,7 +16,9 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
 from fwav_companion.recording.events import RecordingEnd, Refused
-from fwav_companion.recording.lines import Line, final_places
+from fwav_companion.recording.line_types import Line, TargetLine
+from fwav_companion.recording.lines import final_places
+from fwav_companion.recording.summary_types import FinalObject, SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
@@ -69,24 +71,27 @@ def replay(
         clock_rate=recording.clock_rate,
         smoother=SmootherOptions(InLineJob, whole_flight=True) if smooths else None,
     )
-    tally, ends = ErrorTally(truth) if truth else None, dict[int, Line]()
+    tally, ends = ErrorTally(truth) if truth else None, dict[int, TargetLine]()
     for _ in _drive(pipeline, recording, own_components(config)):
         if not pipeline.has_outputs:
             continue
         for line in pipeline.take().lines:
             if tally is not None:
                 tally.add(line)
-            if line["type"] == "target" and line["state"] == TrackState.CONFIRMED:
-                ends[line["track"]] = line
-            if line["type"] == "summary":
-                errors = {} if tally is None else {"errors": tally.summary()}
-                final = {"final": _final(pipeline, ends)} if smooths else {}
-                yield {**line, **final, **errors, **({"limits": _limits(pipeline, config)} if limits else {})}
+            if isinstance(line, TargetLine) and line.state is TrackState.CONFIRMED:
+                ends[line.track] = line
+            if isinstance(line, SummaryLine):
+                yield msgspec.structs.replace(
+                    line,
+                    final=_final(pipeline, ends) if smooths else None,
+                    errors=None if tally is None else tally.summary(),
+                    limits=_limits(pipeline, config) if limits else None,
+                )
                 continue
             yield line
 
 
-def _final(pipeline: Pipeline, ends: Mapping[int, Line]) -> list[Line]:
+def _final(pipeline: Pipeline, ends: Mapping[int, TargetLine]) -> list[FinalObject]:
     """The targets by the whole flight. ``ends``: the last line of each confirmed track."""
     return final_places(pipeline.final_places(), ends, pipeline.telemetry.world.plane)
 

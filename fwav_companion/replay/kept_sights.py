@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 from fwav_companion.config import Config
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.summary_types import SharedErrorObject
 from fwav_companion.tracking import Settled
 from fwav_companion.types import Sighting, TrackState
 
@@ -14,7 +14,7 @@ MOST_SIGHTS = 40
 """Most sights that are kept of a target: they are spread over all of its time."""
 MOST_TARGETS = 30
 
-SharedErrors: TypeAlias = Callable[[Mapping[int, Sequence[Sighting]], Config, Sequence[float]], list[Line]]
+SharedErrors: TypeAlias = Callable[[Mapping[int, Sequence[Sighting]], Config, Sequence[float]], list[SharedErrorObject]]
 """Estimates the errors that all pictures share from the sights of each target; the configuration has the priors, and
 the last argument the down components of the targets, metres.
 """

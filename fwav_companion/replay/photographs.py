@@ -22,8 +22,9 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.pipeline_factory import make_camera
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import HeaderLine, Line, OriginLine, SightingLine, TargetLine
 from fwav_companion.recording.photograph_poses import SHARED, PhotographPose, PosesFile, SharedSigmas
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.kept_sights import KeptSights, SharedErrors
@@ -117,22 +118,28 @@ def replay_photographs(
     kept = None if shared_errors is None or config.tracking.motion == "moving" else KeptSights()
     for written in _lines(photographs.frames, source, camera, log, kept):
         line = _above_takeoff(written) if on_takeoff else written
-        if kept is not None and shared_errors is not None and line["type"] == "summary":
-            line = {**line, "shared_errors": shared_errors(kept.confirmed(), config, kept.downs())}
         if tally is not None:
             tally.add(line)
-            if line["type"] == "summary":
-                yield {**line, "errors": tally.summary()}
-                continue
-        yield {**line, "time_boot": None} if "time_boot" in line else line
+        match line:
+            case SummaryLine():
+                if kept is not None and shared_errors is not None:
+                    shared = shared_errors(kept.confirmed(), config, kept.downs())
+                    line = msgspec.structs.replace(line, shared_errors=shared)
+                yield line if tally is None else msgspec.structs.replace(line, errors=tally.summary())
+            case TargetLine() | SightingLine():
+                yield msgspec.structs.replace(line, time_boot=None)
+            case _:
+                yield line
 
 
 def _above_takeoff(line: Line) -> Line:
     """The line where altitudes count from a take-off whose own altitude is not known: alt_amsl is null."""
-    if line.get("origin"):
-        return {**line, "origin": {**line["origin"], "alt_amsl": None}}
-    if "alt_amsl" in line:
-        return {**line, "alt_amsl": None, "alt_takeoff": line["alt_amsl"]}
+    replace = msgspec.structs.replace
+    match line:
+        case HeaderLine(origin=origin) | OriginLine(origin=origin) if origin is not None:
+            return replace(line, origin=replace(origin, alt_amsl=None))
+        case TargetLine():
+            return replace(line, alt_amsl=None, alt_takeoff=line.alt_amsl)
     return line
 
 

@@ -11,7 +11,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.strip_signature import unsigned, without_signature
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.timer import HostClock

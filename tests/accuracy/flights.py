@@ -30,7 +30,7 @@ from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.pipeline_factory import own_components
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import CalibrationLine, Line, TargetLine
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.tools.study.flight_draw import draw_flight
 from sitl_mock import Options, Simulation
@@ -193,7 +193,7 @@ def scored(kind: str, seed: int, estimator: str, folder: Path, random_seed: int 
     lines = replayed(plan, recording, estimator)
     gc.collect()
     begun_s = time.process_time()
-    kept = [line for line in lines if line["type"] in ("target", "calibration")]
+    kept = [line for line in lines if isinstance(line, TargetLine | CalibrationLine)]
     cpu_s = time.process_time() - begun_s
     tracks = Tracks(Simulation(plan.options), plan.landmarks)
     for line in kept:

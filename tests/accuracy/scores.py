@@ -16,11 +16,10 @@ import msgspec
 
 from fwav_companion.geometry.small_matrices import squared_distance
 from fwav_companion.recording.error_statistics import CHI2_95, CHI2_999, ErrorSample
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import CalibrationLine, Line, TargetLine
 from sitl_mock import Simulation
 from sitl_mock.earth import Place
 
-ANSWERS = ("confirmed", "coasting")
 SETTLED_SHARE = 0.3
 STEP_S = 0.1
 """Between two instants at which the latest line counts."""
@@ -86,28 +85,28 @@ class Tracks:
 
     def add(self, line: Line) -> None:
         """Process the next line of a targets file."""
-        if line["type"] == "target" and line["state"] in ANSWERS and line["relative"] and line["lat"] is not None:
+        if isinstance(line, TargetLine) and line.is_confirmed and line.relative and line.lat is not None:
             samples = self._errors(line)
             if samples:
-                self.samples.setdefault(line["track"], []).append(samples)
-        elif line["type"] == "calibration" and line["status"] == "calibrated" and self.calibrated_s is None:
+                self.samples.setdefault(line.track, []).append(samples)
+        elif isinstance(line, CalibrationLine) and line.status == "calibrated" and self.calibrated_s is None:
             self.calibrated_s = self._flight_s(line)
 
-    def _flight_s(self, line: Line) -> float:
-        return float(line["time_unix"]) - self._mock.options.start_unix_s
+    def _flight_s(self, line: TargetLine | CalibrationLine) -> float:
+        return line.time_unix - self._mock.options.start_unix_s
 
-    def _errors(self, line: Line) -> dict[int, Sample]:
-        at_s, relative, found = self._flight_s(line), line["relative"], {}
+    def _errors(self, line: TargetLine) -> dict[int, Sample]:
+        at_s, relative, found = self._flight_s(line), line.relative, {}
         vehicle = self._mock.flight.at(at_s).position
-        place = self._mock.world.ned(Place(line["lat"], line["lon"], line["alt_amsl"]))
+        place = self._mock.world.ned(Place(line.lat, line.lon, line.alt_amsl))
         for index in self.targets:
             target = self._mock.scene[index]
-            if target.label == line["label"]:
+            if target.label == line.label:
                 north, east, _ = target.at(at_s)
                 by_vehicle = _error(
-                    vehicle[0] + relative["north"] - north, vehicle[1] + relative["east"] - east, relative["cov"]
+                    vehicle[0] + relative.north - north, vehicle[1] + relative.east - east, relative.cov
                 )
-                by_earth = _error(place[0] - north, place[1] - east, line["cov"])
+                by_earth = _error(place[0] - north, place[1] - east, line.cov)
                 found[index] = Sample(at_s, by_vehicle, by_earth)
         return found
 

@@ -91,7 +91,7 @@ def test_attitude_without_a_number_gives_no_fix_and_no_command_without_one():
     sent = flight.sent("GIMBAL_MANAGER_SET_PITCHYAW")
     assert max(flight.times_s("GIMBAL_MANAGER_SET_PITCHYAW")) > 12.0
     assert all(isfinite(each.fields[name]) for each in sent for name in ("pitch", "yaw"))
-    assert flight.companion.lines[-1]["dropped"]["stale_gimbal"] > 60
+    assert flight.companion.lines[-1].dropped["stale_gimbal"] > 60
 
 
 def test_what_the_gimbal_can_do_is_asked_before_a_selection():

@@ -36,14 +36,15 @@ COV = [[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 def targets_file(path, seconds: int = 10) -> str:
-    lines = [{"type": "header", "schema": 1, "unix_offset_s": 0.0,
+    lines = [{"type": "header", "schema": 1, "version": "1", "unix_offset_s": 0.0, "config": {},
               "origin": {"lat": LAT, "lon": LON, "alt_amsl": 519.2}}]  # fmt: skip
     for second in range(seconds):
         north = float(second)
         lines.append(
-            {"type": "target", "time_unix": START + second, "track": 2, "label": "person", "state": "confirmed",
-             "north": 10.0, "east": 5.0, "down": 0.0, "lat": LAT + 10.0 / 111_200.0, "lon": LON, "alt_amsl": 519.2,
-             "cov": COV, "relative": {"north": 10.0 - north, "east": 5.0, "down": 20.0}}
+            {"type": "target", "time_unix": START + second, "frame": None, "track": 2, "label": "person",
+             "state": "confirmed", "north": 10.0, "east": 5.0, "down": 0.0, "lat": LAT + 10.0 / 111_200.0,
+             "lon": LON, "alt_amsl": 519.2, "cov": COV, "fix": None,
+             "relative": {"north": 10.0 - north, "east": 5.0, "down": 20.0, "cov": COV}}
         )  # fmt: skip
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
     return str(path)
@@ -97,7 +98,7 @@ def test_damaged_lines_of_a_recording_are_left_out_and_reported(tmp_path):
     reader.tick(START + 1e9)
     assert picture.targets["1/2"].seen_unix == START + 9.0
     (source,) = picture.update_since(0, START).sources
-    assert (source.works, source.text.partition("; ")[2]) == (False, "6 damaged lines were left out")
+    assert (source.works, source.text.partition("; ")[2]) == (False, "7 damaged lines were left out")
     reader.close()
 
 

@@ -1,7 +1,12 @@
 """Every key of the files of a flight: targets, detections, and its part of the status."""
 
+import json
+
 from flights import detection_lines, dropped_for, flights, statuses, target_lines
 from frozen import hold, keys
+
+from fwav_companion.recording.line_decoder import read_lines
+from fwav_companion.recording.lines import encode_line
 
 STATUS_TABLES = {
     "status.dropped",
@@ -34,9 +39,17 @@ def test_the_lines_of_a_targets_file():
     hold("targets", facts | values)
 
 
+def test_every_line_of_a_flight_is_decoded_and_encoded_to_its_bytes():
+    for flight in flights():
+        written = flight.targets_file().splitlines(keepends=True)
+        read = read_lines(written)
+        assert (read.damaged, read.unknown) == (0, 0)
+        assert list(map(encode_line, read.lines)) == written
+
+
 def test_a_header_comes_first_and_a_summary_last():
     for flight in flights():
-        types = [line["type"] for line in flight.lines]
+        types = [json.loads(line)["type"] for line in flight.targets_file().splitlines()]
         assert (types[0], types[-1]) == ("header", "summary")
         assert types.count("header") == types.count("summary") == 1
 

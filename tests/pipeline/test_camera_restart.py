@@ -83,11 +83,11 @@ def healed(monkeypatch) -> Faulty:
 def test_faults_that_repeat_start_tracking_anew_and_its_ids_go_on(healed):
     assert len(healed.faults_s) == 5
     assert healed.texts(NoticeCode.STARTED_ANEW) == [TEXT]
-    before = {line["track"] for line in healed.targets("pad") if line["state"] == "confirmed"}
+    before = {line.track for line in healed.targets("pad") if line.state == "confirmed"}
     assert len(before) == 2, before
-    (dropped,) = [line for line in healed.targets("pad") if line.get("reason") == "internal_fault"]
-    assert dropped["track"] == min(before)
-    assert healed.targets("pad")[-1]["track"] == max(before)
+    (dropped,) = [line for line in healed.targets("pad") if line.reason == "internal_fault"]
+    assert dropped.track == min(before)
+    assert healed.targets("pad")[-1].track == max(before)
 
 
 def test_landing_target_rests_from_the_restart_until_the_pad_is_found_again(healed):
@@ -114,7 +114,7 @@ def test_a_fault_now_and_then_drops_its_input_alone(monkeypatch):
     companion = flown(monkeypatch, fails, heals=False)
     assert 3 <= len(companion.faults_s) <= 5
     assert companion.codes.count(NoticeCode.STARTED_ANEW) == 0
-    assert len({line["track"] for line in companion.targets("pad") if line["state"] == "confirmed"}) == 1
+    assert len({line.track for line in companion.targets("pad") if line.state == "confirmed"}) == 1
 
 
 def test_faults_that_stay_cost_one_restart_a_minute_and_nothing_else(monkeypatch):

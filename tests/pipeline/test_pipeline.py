@@ -3,6 +3,7 @@
 from itertools import pairwise
 from math import hypot
 
+import msgspec
 import pytest
 from flying import Companion, Flight, fly
 from mavlink_wire import Wire
@@ -10,6 +11,8 @@ from mavlink_wire import Wire
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
+from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, OriginLine, SightingLine, TargetLine
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario, simulate
 
@@ -30,55 +33,55 @@ def perfect() -> Flight:
 def test_the_target_is_found_where_it_is(perfect: Flight):
     line = perfect.final()
     assert perfect.error_m(line) < 0.02
-    assert abs(line["down"]) < 0.02
+    assert abs(line.down) < 0.02
     place = perfect.mock.world.place(perfect.mock.scene[0].at(0.0))
-    assert line["lat"] == pytest.approx(place.lat, abs=2e-7)
-    assert line["lon"] == pytest.approx(place.lon, abs=3e-7)
-    assert line["alt_amsl"] == pytest.approx(place.alt_amsl, abs=0.02)
+    assert line.lat == pytest.approx(place.lat, abs=2e-7)
+    assert line.lon == pytest.approx(place.lon, abs=3e-7)
+    assert line.alt_amsl == pytest.approx(place.alt_amsl, abs=0.02)
 
 
 def test_a_recording_holds_the_whole_flight_in_order(perfect: Flight):
     lines = perfect.companion.lines
-    assert lines[0]["type"] == "header"
-    assert lines[0]["schema"] == 1
-    assert lines[0]["origin"] == pytest.approx({"lat": 48.1372, "lon": 11.5756, "alt_amsl": 519.0})
-    assert lines[-1]["type"] == "summary"
-    targets = [line for line in lines if line["type"] == "target"]
-    assert [line["time_unix"] for line in targets] == sorted(line["time_unix"] for line in targets)
-    assert {line["state"] for line in targets} == {"tentative", "confirmed"}
-    clocks = [line["time_monotonic"] for line in lines if line["type"] == "clock"]
+    assert isinstance(lines[0], HeaderLine)
+    assert lines[0].schema == 1
+    assert msgspec.structs.asdict(lines[0].origin) == pytest.approx({"lat": 48.1372, "lon": 11.5756, "alt_amsl": 519.0})
+    assert isinstance(lines[-1], SummaryLine)
+    targets = [line for line in lines if isinstance(line, TargetLine)]
+    assert [line.time_unix for line in targets] == sorted(line.time_unix for line in targets)
+    assert {line.state for line in targets} == {"tentative", "confirmed"}
+    clocks = [line.time_monotonic for line in lines if isinstance(line, ClockEstimateLine)]
     assert len(clocks) >= 12
     assert all(later - earlier == 1.0 for earlier, later in pairwise(clocks))
 
 
 def test_every_detection_is_accounted_for(perfect: Flight):
     summary = perfect.companion.lines[-1]
-    sightings = [line for line in perfect.companion.lines if line["type"] == "sighting"]
-    assert summary["detections"] == len(sightings)
-    refused = [line["reason"] for line in sightings if line["reason"] is not None]
-    assert summary["fixes"] == len(sightings) - len(refused)
-    assert {reason: refused.count(reason) for reason in set(refused)} == summary["dropped"]
+    sightings = [line for line in perfect.companion.lines if isinstance(line, SightingLine)]
+    assert summary.detections == len(sightings)
+    refused = [line.reason for line in sightings if line.reason is not None]
+    assert summary.fixes == len(sightings) - len(refused)
+    assert {reason: refused.count(reason) for reason in set(refused)} == summary.dropped
 
 
 def test_sightings_tell_where_the_camera_was_and_looked(perfect: Flight):
-    used = [line for line in perfect.companion.lines if line["type"] == "sighting" and line["reason"] is None]
+    used = [line for line in perfect.companion.lines if isinstance(line, SightingLine) and line.reason is None]
     for line in used[::50]:
-        host_ns = perfect.mock.clock.host_ns(round(line["time_boot"] * 1e9))
+        host_ns = perfect.mock.clock.host_ns(round(line.time_boot * 1e9))
         true = perfect.mock.state_at(host_ns).position
-        assert line["camera_ned"] == pytest.approx(true, abs=0.05)
+        assert line.camera_ned == pytest.approx(true, abs=0.05)
         target = perfect.mock.scene[0].at(0.0)
-        reach = (target[2] - line["camera_ned"][2]) / line["ray_ned"][2]
-        miss = [line["camera_ned"][i] + reach * line["ray_ned"][i] - target[i] for i in range(3)]
+        reach = (target[2] - line.camera_ned[2]) / line.ray_ned[2]
+        miss = [line.camera_ned[i] + reach * line.ray_ned[i] - target[i] for i in range(3)]
         assert hypot(*miss) < 0.15
 
 
 def test_the_clock_is_that_of_the_mock(perfect: Flight):
-    lines = [line for line in perfect.companion.lines if line["type"] == "clock"]
+    lines = [line for line in perfect.companion.lines if isinstance(line, ClockEstimateLine)]
     for line in lines[6:]:
-        host_ns = round(line["time_monotonic"] * 1e9)
+        host_ns = round(line.time_monotonic * 1e9)
         true_s = (host_ns - perfect.mock.clock.boot_ns(host_ns)) / 1e9
-        assert abs(line["host_from_autopilot_s"] - true_s) < 1e-4
-        assert abs(line["host_from_autopilot_s"] - true_s) <= line["bound_s"]
+        assert abs(line.host_from_autopilot_s - true_s) < 1e-4
+        assert abs(line.host_from_autopilot_s - true_s) <= line.bound_s
 
 
 def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
@@ -128,40 +131,40 @@ def test_a_late_frame_leaves_what_it_would_have_left_in_time():
     changes = {"seconds": 14.0, "seed": 8, "camera.clutter": 0.0, "camera.missed": 0.0}
     late = fly(scenario("default").but(changes | {"camera.late_every": 7}))
     in_time = fly(scenario("default").but(changes))
-    by_time = {line["time_unix"]: line for line in in_time.companion.targets()}
-    compared = [line for line in late.companion.targets() if line["time_unix"] in by_time]
+    by_time = {line.time_unix: line for line in in_time.companion.targets()}
+    compared = [line for line in late.companion.targets() if line.time_unix in by_time]
     assert len(compared) > 250
     for line in compared[5:]:
-        assert line["north"] == pytest.approx(by_time[line["time_unix"]]["north"], abs=0.02)
+        assert line.north == pytest.approx(by_time[line.time_unix].north, abs=0.02)
 
 
 def test_without_a_position_targets_are_relative_and_say_so_once():
     flown = flight("no_gps", seconds=20.0)
-    assert flown.companion.lines[0]["origin"] is None
+    assert flown.companion.lines[0].origin is None
     line = flown.companion.targets()[-1]
-    assert line["lat"] is line["lon"] is line["alt_amsl"] is None
+    assert line.lat is line.lon is line.alt_amsl is None
     assert flown.companion.codes.count(NoticeCode.RELATIVE_WORLD) == 1
-    fixes = [line["fix"] for line in flown.companion.targets() if line["fix"]]
+    fixes = [line.fix for line in flown.companion.targets() if line.fix]
     assert fixes
-    assert all(fix["down"] == 0.0 for fix in fixes)
+    assert all(fix.down == 0.0 for fix in fixes)
 
 
 def test_a_position_that_comes_late_drops_every_track_by_name():
     flown = flight("late_gps", seconds=30.0)
-    dropped = [line for line in flown.companion.targets() if line["state"] == "dropped"]
-    assert "origin_set" in {line["reason"] for line in dropped}
-    assert any(line["type"] == "origin" for line in flown.companion.lines)
-    assert flown.final()["lat"] is not None
+    dropped = [line for line in flown.companion.targets() if line.state == "dropped"]
+    assert "origin_set" in {line.reason for line in dropped}
+    assert any(isinstance(line, OriginLine) for line in flown.companion.lines)
+    assert flown.final().lat is not None
     assert flown.error_m(flown.final()) < 5.0
 
 
 def test_three_targets_are_three_tracks():
     flown = flight("three_targets", seconds=14.0)
-    last = flown.companion.targets()[-1]["time_unix"]
+    last = flown.companion.targets()[-1].time_unix
     confirmed = [
-        line for line in flown.companion.targets() if line["time_unix"] > last - 0.2 and line["state"] == "confirmed"
+        line for line in flown.companion.targets() if line.time_unix > last - 0.2 and line.state == "confirmed"
     ]
-    assert len({line["track"] for line in confirmed}) == 3
+    assert len({line.track for line in confirmed}) == 3
 
 
 def test_labels_that_are_not_wanted_are_counted_and_not_followed():
@@ -169,8 +172,8 @@ def test_labels_that_are_not_wanted_are_counted_and_not_followed():
         {"seconds": 10.0, "targets": (TargetOptions(label="cow"), TargetOptions(label="target", north=3.0))}
     )
     flown = fly(options, ('detections.labels=["target"]',))
-    assert {line["label"] for line in flown.companion.targets()} == {"target"}
-    assert flown.companion.lines[-1]["dropped"]["other_label"] > 50
+    assert {line.label for line in flown.companion.targets()} == {"target"}
+    assert flown.companion.lines[-1].dropped["other_label"] > 50
 
 
 def test_advance_always_comes_to_rest():
@@ -192,7 +195,7 @@ def test_other_grounds_find_the_same_target(ground: str):
     height = f"ground.height_m={options.flight.height_m}"
     flown = fly(options, (*GLOBAL_SHUTTER, ground, height))
     assert flown.error_m(flown.final()) < 0.1
-    assert abs(flown.final()["down"]) < 0.1
+    assert abs(flown.final().down) < 0.1
 
 
 def test_the_next_due_time_is_always_the_one_that_the_rooms_tell():
@@ -224,8 +227,8 @@ def test_no_number_of_fixes_takes_away_what_is_not_known_of_the_grounds_level(pe
     """[uncertainty] height_bias_m is 0.5 by default, and the same in every fix."""
     line = perfect.final()
     assert len(perfect.companion.targets()) > 300
-    assert line["cov"][2][2] >= 0.5**2
-    assert line["fix"]["cov"][2][2] >= line["cov"][2][2]
+    assert line.cov[2][2] >= 0.5**2
+    assert line.fix.cov[2][2] >= line.cov[2][2]
 
 
 class AfterAWhile:
@@ -260,10 +263,10 @@ def test_another_autopilot_on_the_link_drops_every_track_and_begins_a_new_world(
     assert companion.pipeline.identity.system == 7
     assert companion.codes.count(NoticeCode.AUTOPILOT_REPLACED) == 1
     assert "tracks are dropped" in companion.texts_to_ground(NoticeCode.AUTOPILOT_REPLACED)[0]
-    dropped = [line for line in companion.targets() if line["state"] == "dropped"]
-    assert "vehicle_changed" in {line["reason"] for line in dropped}
+    dropped = [line for line in companion.targets() if line.state == "dropped"]
+    assert "vehicle_changed" in {line.reason for line in dropped}
     second = companion.pipeline.telemetry.world.plane.origin
     assert abs(second.lat_deg - first.lat_deg) > 0.1
-    assert [line["origin"]["lat"] for line in companion.lines if line["type"] == "origin"] == pytest.approx(
+    assert [line.origin.lat for line in companion.lines if isinstance(line, OriginLine)] == pytest.approx(
         [second.lat_deg]
     )

@@ -33,6 +33,6 @@ def test_photographs_with_an_unknown_readout_are_used():
         fly(scenario("unbiased").but({**SLOW_FRAMES, "camera.fps": 1.1}), (f"camera.readout_s={each}", *CALM_RATES))
         for each in ("0.03", '"unknown"')
     )
-    dropped = unknown.companion.lines[-1]["dropped"]
+    dropped = unknown.companion.lines[-1].dropped
     assert not {"stale_attitude", "attitude_gap"} & dropped.keys()
-    assert unknown.companion.lines[-1]["fixes"] > 0.5 * known.companion.lines[-1]["fixes"]
+    assert unknown.companion.lines[-1].fixes > 0.5 * known.companion.lines[-1].fixes

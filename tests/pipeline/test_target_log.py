@@ -3,28 +3,32 @@
 import pytest
 from flying import Companion
 from handmade import a_fix, a_view, host_ns
+from report_lines import clock, sighting
 from simulated_flight import priors
 
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, HomeLine, TargetLine
 from fwav_companion.tracking import Settled, TrackingOptions, make_tracker
 from fwav_companion.types import Reason
 from sitl_mock import scenario, simulate
 
 
 def filled(target_log):
-    target_log.keep_sightings(1000, 1, [{"type": "sighting"}])
-    target_log.write({"type": "clock"})
+    target_log.keep_sightings(1000, 1, [sighting()])
+    target_log.write(clock(0.0, 0.0))
     target_log.drop_frames(Reason.NO_CLOCK)
     target_log.begin(None)
-    target_log.write({"type": "home"})
-    return [line["type"] for line in target_log.take()]
+    target_log.write(HomeLine(time_unix=0.0, down=0.0))
+    return [type(line) for line in target_log.take()]
 
 
-@pytest.mark.parametrize(("written", "lines"), [(True, ["header", "clock", "home"]), (False, ["header"])])
+@pytest.mark.parametrize(
+    ("written", "lines"), [(True, [HeaderLine, ClockEstimateLine, HomeLine]), (False, [HeaderLine])]
+)
 def test_lines_are_kept_for_who_takes_them_and_counts_always(written, lines):
     target_log = TargetLog("1.0", {}, 0, written=written)
     assert filled(target_log) == lines
-    assert target_log.counts()["dropped"] == {"no_clock": 1}
+    assert target_log.summary().dropped == {"no_clock": 1}
 
 
 def lines_of(frames):
@@ -35,7 +39,7 @@ def lines_of(frames):
         view = a_view(t, *([a_fix(t, (4.0, 3.0, 0.0))] if seen else []), sees=sees)
         log.settle([Settled(view, tracker.on_frame(view))], None)
     start_s = host_ns(0.0) / 1e9
-    return [(round(line["time_unix"] - start_s, 1), line["state"]) for line in log.take() if line["type"] == "target"]
+    return [(round(line.time_unix - start_s, 1), line.state) for line in log.take() if isinstance(line, TargetLine)]
 
 
 def test_a_track_has_a_line_where_it_is_seen_looked_for_or_changes_state_and_once_a_second():
@@ -71,8 +75,8 @@ def test_without_lines_no_wake_settles_a_frame_and_the_counts_are_the_same():
         for _ in mock.drive(companion):
             pass
         companion.finish()
-        flown.append((companion.pipeline.target_log.counts(), companion.wakes))
+        flown.append((companion.pipeline.target_log.summary(), companion.wakes))
     (counts, wakes), (counts_without, wakes_without) = flown
     assert counts_without == counts
-    assert counts["fixes"] > 20
+    assert counts.fixes > 20
     assert wakes_without < wakes - 20

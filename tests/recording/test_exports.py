@@ -8,6 +8,7 @@ import re
 from pathlib import PurePath
 
 import geojson
+import msgspec
 import numpy as np
 import pymap3d
 import pytest
@@ -21,6 +22,7 @@ from lxml import etree
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.exports import export_for
 from fwav_companion.recording.exports.base import ellipse95
+from fwav_companion.recording.line_types import HeaderLine, OriginObject, TargetLine
 
 ORIGIN = {"lat": 48.1372, "lon": 11.5756, "alt_amsl": 519.0}
 COV = [[4.0, 1.2, 0.0], [1.2, 1.0, 0.0], [0.0, 0.0, 0.25]]
@@ -29,17 +31,18 @@ NAME = 'Mrs. <Müller> & "son"\x07'
 
 def target(track=1, *, time=0.0, north=40.0, east=-25.0, state="confirmed", label=NAME, vel=None, place=True):
     lat, lon, _ = pymap3d.ned2geodetic(north, east, 0.0, ORIGIN["lat"], ORIGIN["lon"], ORIGIN["alt_amsl"])
-    return {
+    line = {
         "type": "target", "time_unix": 1_790_000_000.0 + time, "time_boot": 40.0 + time, "frame": 1, "track": track,
         "label": label, "state": state, "north": north, "east": east, "down": 0.0,
         "lat": float(lat) if place else None, "lon": float(lon) if place else None,
         "alt_amsl": 519.0 if place else None, "cov": COV, "vel": vel, "vel_cov": None, "fix": None,
     }  # fmt: skip
+    return msgspec.convert(line, TargetLine)
 
 
 def exported(suffix, *lines):
     export = export_for(PurePath(f"targets{suffix}"))
-    export.add({"type": "header", "origin": ORIGIN})
+    export.add(HeaderLine(version="1", origin=OriginObject(**ORIGIN), unix_offset_s=0.0))
     for line in lines:
         export.add(line)
     return export.content()
@@ -85,7 +88,7 @@ def test_kml_is_read_by_others_with_its_ellipse():
     marks = list(find_all(read, of_type=kml.Placemark))
     assert [mark.geometry.geom_type for mark in marks] == ["Point", "Polygon", "Point", "Polygon", "LineString"]
     pin, outline = marks[:2]
-    assert (pin.geometry.y, pin.geometry.x) == pytest.approx((target()["lat"], target()["lon"]), abs=1e-12)
+    assert (pin.geometry.y, pin.geometry.x) == pytest.approx(target().lat_lon, abs=1e-12)
     assert pin.name == 'Mrs. <Müller> & "son"? #1'
     assert "confirmed; within 4.20 m (95 %); semi-axes of the 95 % ellipse 5.15 m and 1.86 m" in pin.description
     assert outline.name == f"{pin.name}: 95 % ellipse"
@@ -148,14 +151,14 @@ def test_every_uncertainty_is_named_and_of_95_percent(suffix):
 
 
 def test_csv_has_a_row_a_line():
-    dropped = target(state="dropped") | {"reason": "not_seen"}
+    dropped = msgspec.structs.replace(target(state="dropped"), reason="not_seen")
     text = exported(".csv", target(), dropped, target(3, label="=1+1", place=False)).decode()
     rows = list(csv.DictReader(io.StringIO(text)))
     assert [row["state"] for row in rows] == ["confirmed", "dropped", "confirmed"]
     assert rows[1]["reason"] == "not_seen"
     assert rows[2]["lat"] == ""
     assert rows[2]["label"] == "'=1+1"
-    assert float(rows[0]["lat"]) == target()["lat"]
+    assert float(rows[0]["lat"]) == target().lat
     values = np.linalg.eigvalsh(np.array(COV)[:2, :2])
     semi_axes = (float(rows[0]["ellipse95_minor_m"]), float(rows[0]["ellipse95_major_m"]))
     assert semi_axes == pytest.approx(tuple(np.sqrt(-2.0 * math.log(0.05) * values)))

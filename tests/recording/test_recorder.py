@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from report_lines import target
 
 from fwav_companion.recording import folder as folder_module
 from fwav_companion.recording.folder import (
@@ -22,11 +23,15 @@ from fwav_companion.recording.folder import (
     new_folder,
     recordings,
 )
+from fwav_companion.recording.line_types import HeaderLine
+from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.recording.spans import AFTER_DISARMING_US
 
 NO_LIMIT = SpacePolicy(0, 0, False)
 START_US = 1_790_000_000_000_000
+HEADER = HeaderLine(version="1", origin=None, unix_offset_s=0.0)
+TARGET = target(0.0, 1.0, 2.0)
 
 
 def plan(directory, **how):
@@ -40,8 +45,8 @@ def recorded(directory, *, reported=None, **how):
     recorder.start()
     recorder.telemetry(START_US, b"\xfd\x00")
     recorder.detection(START_US, b'{"a":1}\n')
-    recorder.target(START_US, {"type": "header"})
-    recorder.target(START_US, {"type": "target"})
+    recorder.target(START_US, HEADER)
+    recorder.target(START_US, TARGET)
     recorder.close(5.0)
     return recorder
 
@@ -51,7 +56,7 @@ def test_what_is_written_is_on_the_disk_after_close(tmp_path):
     (folder,) = (tmp_path / "new" / "records").iterdir()
     assert (folder / TELEMETRY).read_bytes() == START_US.to_bytes(8, "big") + b"\xfd\x00"
     assert (folder / DETECTIONS).read_bytes() == b'{"a":1}\n'
-    assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n{"type":"target"}\n'
+    assert (folder / TARGETS).read_bytes() == encode_line(HEADER) + encode_line(TARGET)
     assert (folder / "fwav-companion.toml").read_bytes() == b"# x\n"
 
 
@@ -100,7 +105,7 @@ def test_what_is_written_reaches_the_disk_within_sync_s(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fdatasync", watched)
     recorder = Recorder(plan(tmp_path, sync_s=0.2), [].append)
     recorder.start()
-    recorder.target(START_US, {"type": "target"})
+    recorder.target(START_US, TARGET)
     while not synced:  # the test's own time limit ends a recorder that never does
         time.sleep(0.01)
     recorder.close(5.0)
@@ -183,8 +188,7 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
         folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096)
     )
     reported = []
-    header = {"type": "header"}
-    recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), reported.append, header=lambda: header)
+    recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), reported.append, header=lambda: HEADER)
     recorder.start()
     recorder.on_armed(True, START_US)
     while recorder.failure is None:  # the test's own time limit ends the waits
@@ -202,7 +206,7 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
     assert reported[1:] == [f"recording continues in {tmp_path}"]
     folder = recordings(tmp_path)[-1]
     assert (folder / TELEMETRY).read_bytes() == (START_US + 5).to_bytes(8, "big") + b"\xfd\x01"
-    assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n'
+    assert (folder / TARGETS).read_bytes() == encode_line(HEADER)
 
 
 def test_a_directory_that_may_not_be_written_does_not_look_like_room(tmp_path, monkeypatch):

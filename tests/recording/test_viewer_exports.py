@@ -33,6 +33,7 @@ from fwav_companion.cli.main import main
 from fwav_companion.recording.exports.mcap_file import CHUNK_BYTES, HEIGHTS, write_mcap
 from fwav_companion.recording.exports.viewer_messages import ViewerMessages, image
 from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS, schema_text
+from fwav_companion.recording.line_types import Line
 
 LAYOUT = Path(__file__).parents[2] / "docs/examples/layout.json"
 T0 = 1_790_000_000.0
@@ -42,10 +43,11 @@ COV = [[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]]
 
 def target(second, **changes):
     usual = {
-        "type": "target", "time_unix": T0 + second, "time_boot": 5.0 + second, "frame": second, "track": 1,
+        "type": "target", "time_unix": T0 + second, "time_boot": 5.0 + second, "frame": int(second), "track": 1,
         "label": "person", "state": "confirmed", "north": 10.0, "east": 20.0, "down": 1.0, "lat": 48.1, "lon": 11.5,
         "alt_amsl": 500.0, "cov": COV, "vel": None, "vel_cov": None,
-        "relative": {"north": 10.0, "east": 20.0, "down": 31.0, "cov": COV}, "fix": {"north": 1, "east": 1, "down": 1},
+        "relative": {"north": 10.0, "east": 20.0, "down": 31.0, "cov": COV},
+        "fix": {"north": 1, "east": 1, "down": 1, "cov": COV},
     }  # fmt: skip
     return usual | changes
 
@@ -133,7 +135,7 @@ def test_mcap_is_byte_for_byte_what_the_library_writes():
     """Many chunks, all kinds of records, messages in and out of the order of time."""
     viewer = ViewerMessages()
     lines = [*LINES, *(target(n / 10 if n % 7 else 1000.0, track=n % 3) for n in range(3000))]
-    messages = [message for line in lines for message in viewer.of_line(line)]
+    messages = [message for line in lines for message in viewer.of_line(msgspec.convert(line, Line))]
     ours, theirs = io.BytesIO(), io.BytesIO()
     write_mcap(ours, messages)
     writer = Writer(theirs, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE)
@@ -277,7 +279,7 @@ def test_pictures_after_the_last_line_are_in_the_file(folder, capsys):
 def test_memory_of_mcap_does_not_grow_with_the_flight(tmp_path, picture_bytes):
     def peak(count):
         viewer = ViewerMessages()
-        lines = [LINES[0], *(target(n / 10) for n in range(6))]
+        lines = [msgspec.convert(line, Line) for line in (LINES[0], *(target(n / 10) for n in range(6)))]
         messages = (message for n in range(count) for message in viewer.of_line(lines[n % len(lines)]))
         if picture_bytes:
             pictures = (image(n * 10**9, bytes(picture_bytes), "jpeg") for n in range(count // 10))

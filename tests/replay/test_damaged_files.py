@@ -186,7 +186,7 @@ def test_an_arrival_of_another_year_does_not_make_a_replay_run_through_it(receiv
     recording = read_recording(WHOLE["tlog"], detections.encode(), OWN)
     config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n', "flight.toml")
     lines = list(replay(recording, config, parse_calibration(CAMERA, "camera.yaml")))
-    assert lines[-1]["frames"] == 3
+    assert lines[-1].frames == 3
     assert len(lines) < 300
 
 

@@ -9,6 +9,7 @@ from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.mavlink.wire.codec import Encoder
 from fwav_companion.pipeline.pipeline_factory import own_components
+from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.replay import read_recording, read_telemetry, replay
 
@@ -96,5 +97,5 @@ def test_a_replay_pairs_frames_of_the_recorders_clock_with_a_simulators_attitude
     )  # fmt: skip
     read = read_recording(recording(rate), "\n".join(map(json.dumps, frames)).encode(), own_components(config))
     lines = list(replay(read, config, parse_calibration(CAMERA, "camera.yaml")))
-    assert lines[-1]["dropped"].get("stale_attitude", 0) == 0, lines[-1]["dropped"]
-    assert [line["rate"] for line in lines if line["type"] == "clock"][-1] == pytest.approx(rate, rel=0.01)
+    assert lines[-1].dropped.get("stale_attitude", 0) == 0, lines[-1].dropped
+    assert [line.rate for line in lines if isinstance(line, ClockEstimateLine)][-1] == pytest.approx(rate, rel=0.01)

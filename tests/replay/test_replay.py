@@ -13,6 +13,8 @@ from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.mavlink.wire.codec import Encoder
 from fwav_companion.pipeline.pipeline_factory import own_components
+from fwav_companion.recording.line_decoder import read_lines
+from fwav_companion.recording.line_types import SightingLine, TargetLine
 from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.replay import read_recording, replay
@@ -64,7 +66,7 @@ def test_a_long_flight_with_a_stepped_wall_clock_is_the_flight_again(seconds: fl
     recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
     replayed = b"".join(map(encode_line, replay(recording, companion.config, companion.calibration)))
     assert replayed == companion.targets_file()
-    assert companion.lines[-1]["dropped"]["across_clock_step"] >= 2
+    assert companion.lines[-1].dropped["across_clock_step"] >= 2
 
 
 def test_the_same_input_gives_the_same_bytes_elsewhere_and_with_another_hash_seed(tmp_path, flown):
@@ -91,12 +93,14 @@ def test_a_board_whose_clock_shows_1970_records_a_flight_that_replays(flown):
             line[key] = round(line[key] * 1e6 - shift_us) / 1e6
     detections = "\n".join(map(json.dumps, lines)).encode()
     recording = read_recording(bytes(frames), detections, own_components(companion.config))
-    targets = [line for line in replay(recording, companion.config, companion.calibration) if line["type"] == "target"]
+    targets = [
+        line for line in replay(recording, companion.config, companion.calibration) if isinstance(line, TargetLine)
+    ]
     originals = companion.targets()
     assert len(targets) == len(originals)
     for line, original in zip(targets, originals, strict=True):
-        assert original["time_unix"] - line["time_unix"] == pytest.approx(shift_us / 1e6, abs=1e-6)
-        assert (line["north"], line["east"], line["cov"]) == (original["north"], original["east"], original["cov"])
+        assert original.time_unix - line.time_unix == pytest.approx(shift_us / 1e6, abs=1e-6)
+        assert (line.north, line.east, line.cov) == (original.north, original.east, original.cov)
 
 
 def test_truth_adds_errors_to_the_summary(tmp_path, flown):
@@ -123,7 +127,7 @@ def test_a_setting_changes_one_thing(tmp_path, flown):
     lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
     assert lines[0]["config"]["tracking"]["filter"] == "lowpass"
     lowpass = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"][-1]
-    assert lowpass["north"] != flown.final()["north"]
+    assert lowpass["north"] != flown.final().north
 
 
 def test_frames_that_tell_no_arrival_are_taken_at_their_capture(flown):
@@ -134,8 +138,8 @@ def test_frames_that_tell_no_arrival_are_taken_at_their_capture(flown):
     detections = "\n".join(map(json.dumps, lines)).encode()
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
     replayed = list(replay(recording, companion.config, companion.calibration))
-    assert replayed[-1]["fixes"] == companion.lines[-1]["fixes"]
-    assert "from_the_future" not in replayed[-1]["dropped"]
+    assert replayed[-1].fixes == companion.lines[-1].fixes
+    assert "from_the_future" not in replayed[-1].dropped
 
 
 def test_frames_on_the_autopilots_clock_are_taken_when_it_has_come_there(flown):
@@ -149,7 +153,7 @@ def test_frames_on_the_autopilots_clock_are_taken_when_it_has_come_there(flown):
     detections = "\n".join(map(json.dumps, reversed(lines))).encode()
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
     replayed = list(replay(recording, companion.config, companion.calibration))
-    assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
+    assert replayed[-1].fixes > 0.95 * companion.lines[-1].fixes
 
 
 @pytest.mark.slow
@@ -165,7 +169,7 @@ def test_frames_on_the_autopilots_clock_wait_for_the_clock_of_their_boot():
     detections = "\n".join(map(json.dumps, lines)).encode()
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
     replayed = list(replay(recording, companion.config, companion.calibration))
-    assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
+    assert replayed[-1].fixes > 0.95 * companion.lines[-1].fixes
 
 
 def test_frames_after_the_telemetry_lack_an_attitude_and_do_not_crowd_each_other_out(flown):
@@ -176,9 +180,9 @@ def test_frames_after_the_telemetry_lack_an_attitude_and_do_not_crowd_each_other
     detections = "\n".join(map(json.dumps, later)).encode()
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
     summary = list(replay(recording, companion.config, companion.calibration))[-1]
-    assert summary["frames"] == len(later) > 128
-    assert summary["dropped"].keys() == {"stale_attitude", "too_late"}, "every ninth frame of this camera is late"
-    assert summary["dropped"]["stale_attitude"] > 0.85 * summary["detections"]
+    assert summary.frames == len(later) > 128
+    assert summary.dropped.keys() == {"stale_attitude", "too_late"}, "every ninth frame of this camera is late"
+    assert summary.dropped["stale_attitude"] > 0.85 * summary.detections
 
 
 def test_two_vehicles_in_one_recording_are_named(flown):
@@ -188,15 +192,15 @@ def test_two_vehicles_in_one_recording_are_named(flown):
     beats = [tlog_record(first_us, other.encode("HEARTBEAT", heartbeat)) for _ in range(3)]
     telemetry = b"".join(beats) + bytes(companion.tlog)
     recording = read_recording(telemetry, bytes(companion.detections), own_components(companion.config))
-    (notice,) = list(replay(recording, companion.config, companion.calibration))[-1]["notices"]
-    assert (notice["code"], notice["text"].count("1, 2")) == ("several_autopilots", 1)
+    (notice,) = list(replay(recording, companion.config, companion.calibration))[-1].notices
+    assert (notice.code, notice.text.count("1, 2")) == ("several_autopilots", 1)
 
 
 def test_monotonic_stamps_of_a_recording_are_refused_by_name(flown):
     companion = flown.companion
     detections = b'{"time_monotonic": 1003.5, "detections": [{"u": 1, "v": 2}]}\n'
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
-    assert list(replay(recording, companion.config, companion.calibration))[-1]["dropped"] == {"no_monotonic_map": 1}
+    assert list(replay(recording, companion.config, companion.calibration))[-1].dropped == {"no_monotonic_map": 1}
 
 
 @pytest.mark.parametrize(
@@ -243,13 +247,13 @@ def test_an_elevation_file_is_shifted_to_the_take_off_height_and_used(tmp_path):
     (tmp_path / "flight.toml").write_text(CONFIG + "readout_s = 0.0\n" + ground)
     done = run_command(*words, "--sightings", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
-    last = [line for line in lines if line["type"] == "target"][-1]
+    lines = read_lines((tmp_path / "targets.jsonl").read_bytes().splitlines()).lines
+    last = [line for line in lines if isinstance(line, TargetLine)][-1]
     assert flown.error_m(last) < 0.03
-    assert last["alt_amsl"] == pytest.approx(519.0, abs=0.05)
-    budgets = [line["budget"] for line in lines if line["type"] == "sighting" and line["budget"]]
+    assert last.alt_amsl == pytest.approx(519.0, abs=0.05)
+    budgets = [line.budget for line in lines if isinstance(line, SightingLine) and line.budget]
     assert budgets
-    assert all(budget["terrain"] > 0.5 for budget in budgets)
+    assert all(budget.terrain > 0.5 for budget in budgets)
 
 
 def test_a_ray_that_leaves_the_elevation_model_gives_no_fix_by_name(tmp_path, flown):

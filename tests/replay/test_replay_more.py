@@ -17,6 +17,7 @@ from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.cli.main import main
 from fwav_companion.pipeline.pipeline_factory import own_components
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.replay.driver import _drive
 from sitl_mock import scenario
@@ -73,7 +74,7 @@ def test_invalid_lines_are_reported_with_their_place_and_the_rest_is_used(site):
     assert f"detections.jsonl: line 4 at offset {offset} is not a frame" in done.stderr
     summary = json.loads(site.targets().splitlines()[-1])
     assert summary["dropped"]["malformed"] == 1
-    assert summary["fixes"] == site.flown.companion.lines[-1]["fixes"]
+    assert summary["fixes"] == site.flown.companion.lines[-1].fixes
 
 
 def test_nothing_recorded_is_no_answer_and_said(site):
@@ -182,7 +183,7 @@ def test_a_part_that_breaks_off_costs_its_own_last_line_alone(site):
     done = site.replay(detections=("a.jsonl", "b.jsonl"))
     assert (done.returncode, done.stderr.count("is not a frame")) == (0, 1), done.stderr
     summary = json.loads(site.targets().splitlines()[-1])
-    assert summary["frames"] == site.flown.companion.lines[-1]["frames"] - 1
+    assert summary["frames"] == site.flown.companion.lines[-1].frames - 1
 
 
 @pytest.mark.parametrize(
@@ -279,7 +280,7 @@ def test_exports_stand_beside_the_targets(site):
     features = json.loads((site.folder / "t.geojson").read_text())["features"]
     assert len({feature["properties"]["track"] for feature in features}) >= 1
     rows = (site.folder / "t.csv").read_text().splitlines()
-    assert len(rows) - 1 == sum(line["type"] == "target" for line in site.flown.companion.lines)
+    assert len(rows) - 1 == sum(isinstance(line, TargetLine) for line in site.flown.companion.lines)
     assert site.replay("--export", "t.shp").returncode == 2
 
 

@@ -1,10 +1,12 @@
 """`replay --poses` by the smoother, beside the filter: pictures with poses of their own."""
 
+import msgspec
 import numpy as np
 import pytest
 from posed_pictures import FIXED, TARGET, photographs, written
 
 from fwav_companion.config import load
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.recording.photograph_poses import parse_poses
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import join_photographs, replay_photographs
@@ -25,32 +27,32 @@ def replayed(folder, count, *, smooths, config=ALTITUDE, seed=1):
 
 
 def last_target(lines):
-    return [line for line in lines if line["type"] == "target"][-1]
+    return [line for line in lines if isinstance(line, TargetLine)][-1]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_forty_pictures_place_the_target_within_the_claim(tmp_path, seed):
     lines = replayed(tmp_path, 40, smooths=True, seed=seed)
-    (errors,) = lines[-1]["errors"]["targets"]
-    assert errors["state"] == "found"
-    assert not errors["outside95"]
+    (errors,) = lines[-1].errors.targets
+    assert errors.state == "found"
+    assert not errors.outside95
     # the receiver's 1 m, which wanders over the five minutes; one picture's attitude alone is 0.7 m off on the ground
-    assert 0.7 < np.sqrt(last_target(lines)["cov"][0][0]) < 1.2
+    assert 0.7 < np.sqrt(last_target(lines).cov[0][0]) < 1.2
 
 
 def test_pictures_by_the_smoother_agree_with_the_filter(tmp_path):
     first, second = (last_target(replayed(tmp_path, 40, smooths=smooths)) for smooths in (False, True))
-    assert first.keys() == second.keys()
-    assert first["fix"] == second["fix"]
-    off = np.array([first[key] - second[key] for key in ("north", "east")])
-    claim = np.array(first["cov"])[:2, :2] + np.array(second["cov"])[:2, :2]
+    assert msgspec.to_builtins(first).keys() == msgspec.to_builtins(second).keys()
+    assert first.fix == second.fix
+    off = np.array([first.north - second.north, first.east - second.east])
+    claim = np.array(first.cov)[:2, :2] + np.array(second.cov)[:2, :2]
     assert off @ np.linalg.solve(claim, off) < 13.8
-    assert np.trace(np.array(second["cov"])[:2, :2]) < 1.1 * np.trace(np.array(first["cov"])[:2, :2])
+    assert np.trace(np.array(second.cov)[:2, :2]) < 1.1 * np.trace(np.array(first.cov)[:2, :2])
 
 
 def test_one_picture_is_answered_with_the_claim_of_its_fix(tmp_path):
-    (target,) = [line for line in replayed(tmp_path, 1, smooths=True, config=FIXED) if line["type"] == "target"]
-    assert target["state"] == "tentative"
-    assert (target["north"], target["east"]) == pytest.approx((target["fix"]["north"], target["fix"]["east"]), abs=1e-3)
-    own = np.array(target["fix"]["cov"])[:2, :2]
-    assert np.array(target["cov"])[:2, :2] == pytest.approx(own, rel=0.25, abs=0.1 * np.trace(own))
+    (target,) = [line for line in replayed(tmp_path, 1, smooths=True, config=FIXED) if isinstance(line, TargetLine)]
+    assert target.state == "tentative"
+    assert (target.north, target.east) == pytest.approx((target.fix.north, target.fix.east), abs=1e-3)
+    own = np.array(target.fix.cov)[:2, :2]
+    assert np.array(target.cov)[:2, :2] == pytest.approx(own, rel=0.25, abs=0.1 * np.trace(own))

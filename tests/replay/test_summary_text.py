@@ -2,6 +2,7 @@
 
 from io import StringIO
 
+import msgspec
 import pytest
 from report_lines import Markup, header, summary, target
 
@@ -36,7 +37,8 @@ def test_errors_have_their_confidence():
         {"label": "cow", "state": "fixed", "final_m": None},
         {"label": "car", "state": "missed", "final_m": None},
     ]
-    errors = {"targets": targets, "ghosts": 1, "fixes": {"all": numbers}, "tracks": {"all": numbers | {"samples": 0}}}
+    fixes, tracks = ({"all": every, "labels": {}} for every in (numbers, {"samples": 0}))
+    errors = {"targets": targets, "ghosts": 1, "labels": {}, "fixes": fixes, "tracks": tracks}
     text = shown(errors=errors)
     for words in (
         "pad: final 1.500 m, claimed 1.000 m (95 %): OUTSIDE ITS CLAIM", "cow: fixed, never confirmed",
@@ -55,7 +57,7 @@ def test_what_happened_to_clock_and_camera_is_in_summary_report_and_text(code, k
     log = TargetLog("0", {}, 0)
     for text in ("the clock slipped by 77 ms", "the clock slipped by 15 ms"):
         log.note(Notice(code, Severity.NOTICE, text))
-    notices = log.summary().get("notices", [])
+    notices = msgspec.to_builtins(list(log.summary().notices))
     assert notices == ([{"code": code.value, "text": "the clock slipped by 77 ms", "times": 2}] if kept else [])
     said = "clock slipped by 77 ms (2 times in all)"
     assert (said in shown(notices=notices)) is kept

@@ -22,6 +22,7 @@ from timed_flights import (
     worst_s,
 )
 
+from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
 
@@ -118,7 +119,7 @@ def test_118_what_leaves_the_error_where_it_was(name, differences):
     calm, troubled = seen("unbiased"), seen(name, **differences)
     assert miss_m(troubled) < miss_m(calm) + 0.01
     assert worst_s(troubled) < worst_s(calm) + 0.05 * MS
-    assert troubled.companion.lines[-1]["fixes"] > 0.7 * calm.companion.lines[-1]["fixes"]
+    assert troubled.companion.lines[-1].fixes > 0.7 * calm.companion.lines[-1].fixes
 
 
 def test_119_a_reboot_is_reported_and_frames_meanwhile_are_held_back():
@@ -138,9 +139,9 @@ def test_122_slips_of_a_simulator_are_followed_and_cost_no_frame(stamp_clock):
     assert NoticeCode.AUTOPILOT_REBOOTED not in flown.companion.codes
     assert 1 <= flown.companion.codes.count(NoticeCode.CLOCK_SLIPPED) <= 5
     assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.reboots == 0
-    lost = Counter(flown.companion.lines[-1]["dropped"]) - Counter(calm.companion.lines[-1]["dropped"])
+    lost = Counter(flown.companion.lines[-1].dropped) - Counter(calm.companion.lines[-1].dropped)
     assert lost.total() <= 2
-    assert flown.companion.lines[-1]["fixes"] > 0.98 * calm.companion.lines[-1]["fixes"]
+    assert flown.companion.lines[-1].fixes > 0.98 * calm.companion.lines[-1].fixes
     assert miss_m(flown) < miss_m(calm) + 0.03
     slips = [at_s for at_s, _ in options.autopilot.clock_slips]
     for line in clock_errors(flown):
@@ -163,14 +164,14 @@ def test_123_a_clock_at_another_rate_is_followed_inside_its_bound(rate_and_stamp
     assert NoticeCode.AUTOPILOT_REBOOTED not in flown.companion.codes
     assert worst_s(flown, 5.0) < 1.0 * MS
     assert miss_m(flown) < miss_m(calm) + 0.03
-    assert flown.companion.lines[-1]["fixes"] > 0.95 * calm.companion.lines[-1]["fixes"]
-    rates = [line["rate"] for line in flown.companion.lines if line["type"] == "clock"]
+    assert flown.companion.lines[-1].fixes > 0.95 * calm.companion.lines[-1].fixes
+    rates = [line.rate for line in flown.companion.lines if isinstance(line, ClockEstimateLine)]
     assert rates[-1] == pytest.approx(rate, abs=2e-3)
 
 
 def test_120_frames_across_a_step_of_the_wall_clock_are_refused_by_name_and_no_others():
-    dropped = seen("stepped_wall_clock").companion.lines[-1]["dropped"]
-    calm = seen("unbiased", **{"camera.stamp_clock": "time_unix"}).companion.lines[-1]["dropped"]
+    dropped = seen("stepped_wall_clock").companion.lines[-1].dropped
+    calm = seen("unbiased", **{"camera.stamp_clock": "time_unix"}).companion.lines[-1].dropped
     assert 1 <= dropped.pop("across_clock_step") <= 2
     assert dropped == calm
 
@@ -182,7 +183,6 @@ def test_121_an_uncertain_clock_is_reported_and_in_the_covariance_of_fixes():
     assert last.status == "arrivals"
     assert abs(last.error_s) < last.sigma_s == pytest.approx(5.0 * MS, rel=0.1)
     by_time = [
-        sqrt(sum(line["budget"]["time"] ** 2 for line in used) / len(used))
-        for used in (budgets(silent), budgets(answered))
+        sqrt(sum(line.budget.time**2 for line in used) / len(used)) for used in (budgets(silent), budgets(answered))
     ]
     assert by_time[0] > 1.05 * by_time[1]

@@ -27,7 +27,7 @@ def flown(device_id, *settings, seconds=9.0, **differences):
 
 def errors_m(flight, from_s=4.0):
     start = flight.options.start_unix_s + from_s
-    lines = [line for line in flight.companion.targets() if line["fix"] and line["time_unix"] >= start]
+    lines = [line for line in flight.companion.targets() if line.fix and line.time_unix >= start]
     return [flight.error_m(line) for line in lines]
 
 
@@ -62,8 +62,8 @@ def test_the_gimbal_behind_the_autopilot_is_asked_for_and_the_other_is_not():
 def test_a_gimbal_that_falls_silent_gives_no_fixes_and_says_why():
     flight = flown(OWN_COMPONENT, **{"gimbal.silent_from_s": 6.0})
     silent = flight.options.start_unix_s + 6.0 + 0.35
-    assert not [line for line in flight.companion.targets() if line["fix"] and line["time_unix"] > silent]
-    assert flight.companion.lines[-1]["dropped"]["stale_gimbal"] > 30
+    assert not [line for line in flight.companion.targets() if line.fix and line.time_unix > silent]
+    assert flight.companion.lines[-1].dropped["stale_gimbal"] > 30
     reported = flight.companion.pipeline.status(flight.companion._now)
     assert reported.telemetry.gimbal.age_s > 2.0
     assert reported.sight.refused is None
@@ -75,7 +75,7 @@ def test_another_gimbal_is_not_ours():
         ["camera.mount.gimbal_device_id=155", "camera.mount.pitch_deg=0.0", "camera.readout_s=0.0"],
     )
     assert not flight.companion.targets()
-    assert flight.companion.lines[-1]["dropped"]["no_gimbal"] > 30
+    assert flight.companion.lines[-1].dropped["no_gimbal"] > 30
 
 
 def test_a_fixed_camera_pays_no_heed_to_a_gimbal():

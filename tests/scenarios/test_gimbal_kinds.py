@@ -4,6 +4,7 @@ Biases are drawn from the priors of the configuration, so that errors are compar
 is one draw of its biases: each kind is flown with a few seeds, and the bounds are the 99.9 % limits of so many draws.
 """
 
+import msgspec
 import numpy as np
 import pytest
 from flying import fly
@@ -66,15 +67,20 @@ def squares(flight, lines):
     """Normalised squares of the horizontal errors of these lines of targets."""
     found = []
     for line in lines:
-        index = [target.label for target in flight.options.targets].index(line["label"])
+        index = [target.label for target in flight.options.targets].index(line.label)
         true = flight.mock.scene[index].at(flight.seen_at_s(line))
-        error = np.array((line["north"] - true[0], line["east"] - true[1]))
-        found.append(float(error @ np.linalg.solve(np.array(line["cov"])[:2, :2], error)))
+        error = np.array((line.north - true[0], line.east - true[1]))
+        found.append(float(error @ np.linalg.solve(np.array(line.cov)[:2, :2], error)))
     return found
 
 
 def fixes_of(flight, label):
-    return [{**line, **line["fix"]} for line in flight.companion.targets(label) if line["fix"]]
+    """Lines of the targets of this label in which a fix is, with the fix as their place."""
+    return [
+        msgspec.structs.replace(line, **msgspec.structs.asdict(line.fix))
+        for line in flight.companion.targets(label)
+        if line.fix
+    ]
 
 
 def first_and_last(kind, seed):
@@ -117,7 +123,7 @@ def test_gimbal_that_is_80_ms_late_without_a_word_in_the_configuration_is_within
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_targets_are_two_tracks(kind):
     flight = flown(kind, 100 * list(KINDS).index(kind) + 1)
-    assert len({line["track"] for line in flight.companion.targets()}) == len(BOTH_SIDES)
+    assert len({line.track for line in flight.companion.targets()}) == len(BOTH_SIDES)
 
 
 def test_yaw_zero_of_a_gimbal_is_reported_with_its_number_and_moves_no_target():
@@ -127,7 +133,7 @@ def test_yaw_zero_of_a_gimbal_is_reported_with_its_number_and_moves_no_target():
     assert abs(float(text.split(" deg off")[0].split()[-1]) - off_deg) <= 2.0
     assert not right.companion.texts(NoticeCode.GIMBAL_HEADING)
     for one, other in zip(fixes_of(right, "left"), fixes_of(wrong, "left"), strict=True):
-        assert (one["north"], one["east"]) == pytest.approx((other["north"], other["east"]), abs=0.02)
+        assert (one.north, one.east) == pytest.approx((other.north, other.east), abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +149,7 @@ def test_yaw_zero_of_a_gimbal_is_reported_with_its_number_and_moves_no_target():
 )
 def test_attitudes_that_cannot_be_used_are_refused_by_name(differences, reason):
     flight = flown("stabilised", **{"seconds": 6.0, **differences})
-    assert flight.companion.lines[-1]["dropped"][reason] > 10
+    assert flight.companion.lines[-1].dropped[reason] > 10
 
 
 def test_levelled_by_configuration_gives_a_servo_mount_its_claim_from_the_first_fix():
@@ -152,7 +158,7 @@ def test_levelled_by_configuration_gives_a_servo_mount_its_claim_from_the_first_
         auto.options,
         ["camera.mount.gimbal_device_id=1", "camera.mount.pitch_deg=0.0", "camera.mount.levelled=false"],
     )
-    assert "gimbal_horizon" not in stated.companion.lines[-1]["dropped"]
+    assert "gimbal_horizon" not in stated.companion.lines[-1].dropped
     first = fixes_of(stated, "left")[0]
-    assert first["time_unix"] <= fixes_of(auto, "left")[0]["time_unix"]
+    assert first.time_unix <= fixes_of(auto, "left")[0].time_unix
     assert squares(stated, [first])[0] < MOST

@@ -33,9 +33,9 @@ def test_targets_under_a_heaving_vehicle_are_as_right_as_claimed(flown):
         late = [
             line
             for line in flight.companion.targets("target")
-            if line["state"] == "confirmed" and flight.seen_at_s(line) > 30.0
+            if line.state == "confirmed" and flight.seen_at_s(line) > 30.0
         ]
-        assert len({line["track"] for line in late}) <= 8
+        assert len({line.track for line in late}) <= 8
         found = [flight.relative_error(line) for line in late[::10]]
         errors.append(median(error for error, _ in found))
         squares.append(mean(square for _, square in found))

@@ -55,12 +55,12 @@ def flown(
 
 def ended(mock: Simulation, companion: Companion) -> tuple[float, float, float]:
     """Horizontal error of the target at the end, metres; one sigma claimed, larger semi-axis; normalised square."""
-    lines = [line for line in companion.targets("target") if line["state"] in ("confirmed", "coasting")]
+    lines = [line for line in companion.targets("target") if line.is_confirmed]
     origin = companion.pipeline.telemetry.world.plane.origin
     shift = mock.world.ned(Place(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
     true = mock.scene[-1].at(0.0)
-    error = np.array([lines[-1]["north"] - (true[0] - shift[0]), lines[-1]["east"] - (true[1] - shift[1])])
-    cov = np.array(lines[-1]["cov"])[:2, :2]
+    error = np.array([lines[-1].north - (true[0] - shift[0]), lines[-1].east - (true[1] - shift[1])])
+    cov = np.array(lines[-1].cov)[:2, :2]
     return (
         float(np.hypot(*error)),
         float(np.linalg.eigvalsh(cov)[-1] ** 0.5),
@@ -134,8 +134,8 @@ def test_a_landmark_that_disagrees_is_named_and_left_out():
     _, sigma_m, square = ended(mock, companion)
     assert sigma_m < 0.3
     assert square < chi2.ppf(0.999, 2)
-    shown = {each["label"]: each for each in companion.lines[-1]["landmarks"]}
-    assert [shown[label]["state"] for label in marks] == ["used", "left_out", "used"]
+    shown = {each.label: each for each in companion.lines[-1].landmarks}
+    assert [shown[label].state for label in marks] == ["used", "left_out", "used"]
     assert shown["second"]["off_m"] == pytest.approx(np.hypot(1.5, 1.0), abs=0.5)
 
 
@@ -143,7 +143,7 @@ def test_a_landmark_that_disagrees_is_named_and_left_out():
 def test_a_filter_that_uses_no_landmark_is_reported_once(setting):
     _, companion = flown("default", 1, {"mark": (0.0, 0.0)}, 4.0, [setting])
     assert companion.codes.count(NoticeCode.LANDMARKS_NOT_APPLIED) == 1
-    assert [each["state"] for each in companion.lines[-1]["landmarks"]] == ["not_applied"]
+    assert [each.state for each in companion.lines[-1].landmarks] == ["not_applied"]
     assert [each.state for each in companion.pipeline.status(companion._now).sight.landmarks] == ["not_applied"]
 
 

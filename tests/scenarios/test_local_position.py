@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flying import Flight, fly
 
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import OriginLine, TargetLine
 from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
 from sitl_mock.flow import Flow
@@ -50,35 +50,35 @@ def requests_of(flight: Flight, message_id: int) -> list[float]:
     ]
 
 
-def confirmed(flight: Flight, from_s: float) -> list[Line]:
+def confirmed(flight: Flight, from_s: float) -> list[TargetLine]:
     """The lines of confirmed targets from this flight time on."""
     return [
         line
         for line in flight.companion.targets("pad")
-        if line["state"] == "confirmed" and flight.seen_at_s(line) > from_s
+        if line.state == "confirmed" and flight.seen_at_s(line) > from_s
     ]
 
 
-def local_errors(flight: Flight, lines: list[Line]) -> list[tuple[float, float]]:
+def local_errors(flight: Flight, lines: list[TargetLine]) -> list[tuple[float, float]]:
     """(distance, normalised square) of places from the truth in the local frame as it was when it became the world."""
     drift = Flow(flight.mock.flight, 0.01, flight.options.seed).error(WORLD_S)
     true = np.array(flight.mock.scene[0].at(0.0)[:2]) + np.array(drift[:2])
     found = []
     for line in lines:
-        error = np.array((line["north"], line["east"])) - true
-        found.append((float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(line["cov"])[:2, :2], error))))
+        error = np.array((line.north, line.east)) - true
+        found.append((float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(line.cov)[:2, :2], error))))
     return found
 
 
 def test_targets_stand_still_in_the_local_frame_and_have_no_place_on_the_earth():
     flight = fly(ROUND)
     assert flight.companion.codes.count(NoticeCode.LOCAL_WORLD) == 1
-    assert flight.companion.lines[0]["origin"] is None
+    assert flight.companion.lines[0].origin is None
     lines = confirmed(flight, 15.0)
-    assert {line["track"] for line in lines} == {lines[0]["track"]}, "one track"
-    assert all(line["lat"] is line["lon"] is line["alt_amsl"] is None for line in lines)
+    assert {line.track for line in lines} == {lines[0].track}, "one track"
+    assert all(line.lat is line.lon is line.alt_amsl is None for line in lines)
     ground_m = 2.3  # the EKF's origin lies that far above the take-off ground
-    assert np.mean([line["down"] for line in lines]) == pytest.approx(ground_m, abs=1.0)
+    assert np.mean([line.down for line in lines]) == pytest.approx(ground_m, abs=1.0)
     assert len(lines) > 400
 
 
@@ -87,7 +87,7 @@ def test_claims_in_the_local_frame_hold_the_drift_and_relative_to_the_vehicle_no
     squares, relative = [], []
     for seed in (6, 7, 9):
         flight = fly(ROUND.but({"seed": seed}))
-        lines = [line for line in confirmed(flight, 20.0) if line["fix"]]
+        lines = [line for line in confirmed(flight, 20.0) if line.fix]
         errors = local_errors(flight, lines)
         assert np.median([error_m for error_m, _ in errors]) < 0.4
         squares.append(np.mean([square for _, square in errors]))
@@ -114,7 +114,7 @@ def test_landing_target_indoors_is_in_nearly_every_frame_and_leads_to_the_pad():
     frames = [
         flight.seen_at_s(line)
         for line in flight.companion.targets("pad")
-        if line["fix"] is not None and flight.seen_at_s(line) >= first_s
+        if line.fix is not None and flight.seen_at_s(line) >= first_s
     ]
     assert len([at for at in sent if at <= frames[-1] + 0.2]) >= 0.95 * len(frames)
     assert max(after - before for before, after in pairwise(sent)) < 0.5
@@ -139,22 +139,22 @@ def test_tracks_outlive_the_first_global_position_and_lie_on_the_earth_from_then
     flight = fly(ROUND.but({"seed": 7, "autopilot.gps": True, "autopilot.gps_fix_at_s": 25.0}))
     assert flight.companion.texts_to_ground(NoticeCode.POSITION_SOURCE) == ["global position: tracks stay"]
     lines = confirmed(flight, 15.0)
-    assert {line["track"] for line in lines} == {lines[0]["track"]}, "one track through the change"
-    assert "origin_set" not in {line.get("reason") for line in flight.companion.targets()}
-    (origin,) = [line for line in flight.companion.lines if line["type"] == "origin"]
-    assert origin["lat"] == origin["origin"]["lat"]
+    assert {line.track for line in lines} == {lines[0].track}, "one track through the change"
+    assert "origin_set" not in {line.reason for line in flight.companion.targets()}
+    (origin,) = [line for line in flight.companion.lines if isinstance(line, OriginLine)]
+    assert origin.lat == origin.origin.lat
     before = [line for line in lines if flight.seen_at_s(line) < 24.4]  # written before the change
     after = [line for line in lines if flight.seen_at_s(line) > 25.6]
-    assert all(line["lat"] is None for line in before)
-    assert all(line["lat"] is not None for line in after)
-    assert abs(after[0]["north"] - before[-1]["north"]) < 0.3, "NED's zero stays"
-    assert abs(after[0]["east"] - before[-1]["east"]) < 0.3
+    assert all(line.lat is None for line in before)
+    assert all(line.lat is not None for line in after)
+    assert abs(after[0].north - before[-1].north) < 0.3, "NED's zero stays"
+    assert abs(after[0].east - before[-1].east) < 0.3
     truth = flight.mock.world.place(flight.mock.scene[0].at(0.0))
     for line in after[:: len(after) // 10]:
-        north_m = (line["lat"] - truth.lat) * 111_195.0
-        east_m = (line["lon"] - truth.lon) * 111_195.0 * np.cos(np.radians(truth.lat))
+        north_m = (line.lat - truth.lat) * 111_195.0
+        east_m = (line.lon - truth.lon) * 111_195.0 * np.cos(np.radians(truth.lat))
         error = np.array((north_m, east_m))
-        assert error @ np.linalg.solve(np.array(line["cov"])[:2, :2], error) < 13.8, "99.9 %"
+        assert error @ np.linalg.solve(np.array(line.cov)[:2, :2], error) < 13.8, "99.9 %"
 
 
 def test_tracks_outlive_a_loss_of_the_global_position_and_its_return():
@@ -165,10 +165,10 @@ def test_tracks_outlive_a_loss_of_the_global_position_and_its_return():
         "global position: tracks stay",
     ]
     lines = confirmed(flight, 10.0)
-    assert {line["track"] for line in lines} == {lines[0]["track"]}
-    assert all(line["lat"] is not None for line in lines), "NED's zero keeps its place on the earth"
-    assert len([line for line in flight.companion.lines if line["type"] == "origin"]) == 2
-    seen = [flight.seen_at_s(line) for line in lines if line["fix"] is not None]
+    assert {line.track for line in lines} == {lines[0].track}
+    assert all(line.lat is not None for line in lines), "NED's zero keeps its place on the earth"
+    assert len([line for line in flight.companion.lines if isinstance(line, OriginLine)]) == 2
+    seen = [flight.seen_at_s(line) for line in lines if line.fix is not None]
     assert max(np.diff(seen)) < 1.5, "fixes go on"
-    relative = [flight.relative_error(line) for line in lines if line["relative"] and line["fix"]]
+    relative = [flight.relative_error(line) for line in lines if line.relative and line.fix]
     assert np.mean([nis for _, nis in relative]) < 2.5

@@ -26,4 +26,4 @@ def test_reported_positions_that_err_do_not_double_a_target_at_the_images_edge(s
     a tentative track must not take its fixes from it.
     """
     lines = fly(scenario("descent").but({**LOW, "seed": seed}), SETTINGS).companion.targets("pad")
-    assert len({line["track"] for line in lines if line["state"] in ("confirmed", "coasting")}) == 1
+    assert len({line.track for line in lines if line.is_confirmed}) == 1

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from flying import fly
 
+from fwav_companion.recording.line_types import CalibrationLine
 from sitl_mock import TargetOptions, scenario
 
 RADIUS_M = 3.0 / (2.0 * sin(pi / 3.0))
@@ -47,14 +48,14 @@ def test_near_targets_under_a_late_camera_are_distinguished(seed, targets):
         | {"camera.missed": 0.1, "camera.clutter": 0.1}
     )
     flight = fly(late, SETTINGS)
-    last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
-    assert last["status"] == "calibrated", last["reason"]
-    lines = [line for line in flight.companion.targets("target") if line["state"] in ("confirmed", "coasting")]
-    newest = {line["track"]: line for line in lines if line["time_unix"] > lines[-1]["time_unix"] - 5.0}
+    last = [line for line in flight.companion.lines if isinstance(line, CalibrationLine)][-1]
+    assert last.status == "calibrated", last.reason
+    lines = [line for line in flight.companion.targets("target") if line.is_confirmed]
+    newest = {line.track: line for line in lines if line.time_unix > lines[-1].time_unix - 5.0}
     found = set()
     for line in newest.values():
         index = min(range(len(targets)), key=lambda k: flight.error_m(line, k))
-        sigma_m = hypot(line["cov"][0][0] ** 0.5, line["cov"][1][1] ** 0.5)
+        sigma_m = hypot(line.cov[0][0] ** 0.5, line.cov[1][1] ** 0.5)
         assert flight.error_m(line, index) < min(0.15, 3.0 * sigma_m)
         found.add(index)
     assert len(found) == len(newest) >= 2
@@ -70,11 +71,11 @@ def test_targets_that_come_into_view_again_keep_their_tracks(seed):
         scenario("figure_eight").but({"seed": seed, "targets": TEN, "biases.time_offset_s": 0.02}),
         ("tracking.self_calibration=true",),
     )
-    last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
-    assert last["status"] == "calibrated", last["reason"]
-    lines = [line for line in flight.companion.targets("target") if line["state"] == "confirmed"]
-    newest = {line["track"]: line for line in lines if line["time_unix"] > lines[-1]["time_unix"] - 8.0}
-    places = np.array([(line["north"], line["east"]) for line in newest.values()])
+    last = [line for line in flight.companion.lines if isinstance(line, CalibrationLine)][-1]
+    assert last.status == "calibrated", last.reason
+    lines = [line for line in flight.companion.targets("target") if line.state == "confirmed"]
+    newest = {line.track: line for line in lines if line.time_unix > lines[-1].time_unix - 8.0}
+    places = np.array([(line.north, line.east) for line in newest.values()])
     true = np.array([target.at(0.0)[:2] for target in flight.mock.scene])
     apart = places - places.mean(0) - (true - true.mean(0))[:, None]  # all err alike by the vehicle's position
     assert sorted(np.hypot(apart[..., 0], apart[..., 1]).argmin(0)) == list(range(10))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flying import LINK, fly
 
+from fwav_companion.recording.summary_types import SummaryLine
 from sitl_mock import scenario
 
 CAMERA = '[camera]\ncalibration = "camera.yaml"\nreadout_s = 0.0\ntime_offset_s = 0.04\n'
@@ -57,14 +58,14 @@ def errors(flight, below_m):
 def test_pad_of_three_sizes_is_one_track_from_eight_metres_to_the_ground():
     flight = flown("pad", THREE)
     lines = flight.companion.targets()
-    assert {line["label"] for line in lines} == {"pad"}
-    assert {line["track"] for line in lines if line["state"] != "dropped"} == {1}
-    assert all(line["state"] != "dropped" for line in lines)
+    assert {line.label for line in lines} == {"pad"}
+    assert {line.track for line in lines if line.state != "dropped"} == {1}
+    assert all(line.state != "dropped" for line in lines)
 
 
 def test_landing_target_flows_in_the_frames_that_show_the_pad_down_to_a_third_of_a_metre():
     flight = flown("pad", THREE)
-    fixes = [line for line in flight.companion.targets("pad") if line["fix"] and line["state"] == "confirmed"]
+    fixes = [line for line in flight.companion.targets("pad") if line.fix and line.state == "confirmed"]
     assert len(flight.accepted_landings) >= 0.95 * len(fixes)
     lowest = min(-flight.mock.flight.at(each["flight_s"]).position[2] for each in flight.accepted_landings)
     assert lowest < 0.33
@@ -101,7 +102,7 @@ def test_barometer_that_is_two_metres_off_is_believed_without_a_size():
 @pytest.mark.parametrize("seed", SEEDS)
 def test_landing_point_two_metres_beside_a_tag_is_found_within_its_claim(seed):
     flight = flown("beside_tag", BESIDE, seed)
-    fixed = [line for line in flight.companion.targets("pad") if line["fix"] and line["state"] == "confirmed"]
+    fixed = [line for line in flight.companion.targets("pad") if line.fix and line.state == "confirmed"]
     squares = [flight.relative_error(line)[1] / 2.0 for line in fixed]
     assert len(squares) > 100
     assert np.mean(squares) < 3.0
@@ -112,9 +113,9 @@ def test_landing_point_two_metres_beside_a_tag_is_found_within_its_claim(seed):
 def test_tags_of_a_pad_are_no_refusals():
     """Each frame has a fix of the pad; that the other tags have none of their own is no refusal."""
     summary = flown("pad", THREE).companion.lines[-1]
-    assert summary["type"] == "summary"
-    assert "part_of_pad" not in summary["dropped_detections"]
-    assert summary["fixes"] < summary["detections"]
+    assert isinstance(summary, SummaryLine)
+    assert "part_of_pad" not in summary.dropped_detections
+    assert summary.fixes < summary.detections
 
 
 def test_landing_without_position_and_rangefinder_is_by_the_tags_size_alone():

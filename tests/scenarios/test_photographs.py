@@ -3,6 +3,7 @@
 import pytest
 from flying import fly
 
+from fwav_companion.recording.line_types import CalibrationLine
 from sitl_mock import TargetOptions, scenario
 
 SETTINGS = (
@@ -24,7 +25,7 @@ def test_every_target_is_confirmed_as_one_track(every_s, seed, herd):
     """60 m high with drawn errors and misses; of the herd, one is out of view, and ten photographs show nine thrice."""
     different = {"seed": seed, "camera.fps": 1.0 / every_s} | ({"targets": HERD} if herd else {})
     lines = fly(scenario("photographs").but(different)).companion.targets("cow")
-    confirmed = {line["track"] for line in lines if line["state"] in ("confirmed", "coasting")}
+    confirmed = {line.track for line in lines if line.is_confirmed}
     least = {4.0: 16, 10.0: 15, 30.0: 9} if herd else {4.0: 3, 10.0: 3, 30.0: 2}
     assert len(confirmed) in range(least[every_s], 17 if herd else 4)
 
@@ -42,10 +43,10 @@ def test_photographs_show_the_delay_and_claim_no_more(attitudes_hz):
     squares = errors = 0.0
     for seed in range(1, 13):
         lines = fly(scenario("photographs").but({"seed": seed, **early}), SETTINGS).companion.lines
-        last = [line for line in lines if line["type"] == "calibration"][-1]
-        assert last["status"] in ("time", "calibrated"), last["reason"]
-        error_s = last["time_offset_s"] + 0.31
+        last = [line for line in lines if isinstance(line, CalibrationLine)][-1]
+        assert last.status in ("time", "calibrated"), last.reason
+        error_s = last.time_offset_s + 0.31
         errors += error_s**2
-        squares += (error_s / last["time_offset_sigma_s"]) ** 2
+        squares += (error_s / last.time_offset_sigma_s) ** 2
     assert (errors / 12) ** 0.5 < 0.05
     assert 3.1 < squares < 33.0

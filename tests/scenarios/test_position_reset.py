@@ -8,6 +8,7 @@ from flying import fly
 from scipy.stats import chi2
 
 from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.recording.line_types import SightingLine
 from fwav_companion.telemetry.hermite_series import HermiteSeries
 from fwav_companion.telemetry.position_jump import LEAST_JUMP_M, PositionJumps
 from fwav_companion.types import NoticeCode
@@ -28,11 +29,11 @@ RESET = scenario("default", Options(seed=2)).but(
 def test_a_reset_is_reported_once_and_splits_the_history():
     flown = fly(RESET, sightings=True)
     assert flown.companion.codes.count(NoticeCode.POSITION_JUMPED) == 1
-    sightings = [line for line in flown.companion.lines if line["type"] == "sighting" and line["camera_ned"]]
+    sightings = [line for line in flown.companion.lines if isinstance(line, SightingLine) and line.camera_ned]
     steps = [
-        hypot(b["camera_ned"][0] - a["camera_ned"][0], b["camera_ned"][1] - a["camera_ned"][1])
+        hypot(b.camera_ned[0] - a.camera_ned[0], b.camera_ned[1] - a.camera_ned[1])
         for a, b in pairwise(sightings)
-        if b["time_boot"] - a["time_boot"] < 0.05
+        if b.time_boot - a.time_boot < 0.05
     ]
     assert max(steps) > 4.0, "the jump lies between two frames"
     assert not [step for step in steps if 1.5 < step < 4.0], "no position is interpolated across it"
@@ -40,10 +41,10 @@ def test_a_reset_is_reported_once_and_splits_the_history():
 
 def test_one_track_goes_on_and_its_claim_holds():
     flown = fly(RESET, sightings=True)
-    lines = [line for line in flown.companion.targets("target") if line["state"] == "confirmed"]
-    assert len({line["track"] for line in lines}) == 1
+    lines = [line for line in flown.companion.targets("target") if line.state == "confirmed"]
+    assert len({line.track for line in lines}) == 1
     for line in lines[::20]:
-        (nn, _, _), (_, ee, _), _ = line["cov"]
+        (nn, _, _), (_, ee, _), _ = line.cov
         assert flown.error_m(line) ** 2 < chi2.ppf(0.9999, 2) * max(nn, ee)
 
 

@@ -36,7 +36,7 @@ def nadir_mm(differences: dict[str, Any], *settings: str) -> float:
     options = scenario("perfect").but({**NADIR, **differences})
     readout_s = f"camera.readout_s={options.camera.readout_s}"
     flown = fly(options, (readout_s, *settings), sightings=True)
-    late = [line for line in budgets(flown) if flown.mock.camera.row0_s(line["frame"]) > 6.0]
+    late = [line for line in budgets(flown) if flown.mock.camera.row0_s(line.frame) > 6.0]
     errors = [on_the_ground(flown, line) for line in late]
     assert len(errors) > 200
     return 1000.0 * sqrt(max(sum(error[axis] ** 2 for error in errors) for axis in (0, 1)) / len(errors))
@@ -45,8 +45,8 @@ def nadir_mm(differences: dict[str, Any], *settings: str) -> float:
 def on_the_ground(flown: Flight, line: dict[str, Any]) -> tuple[float, float]:
     """North and east by which a sighting's ray, seen from the true place, misses the target on the ground."""
     camera, target = flown.mock.camera, flown.mock.scene[0]
-    _, t = camera.true_pixel(target, camera.row0_s(line["frame"]))
-    place, true, ray = flown.mock.flight.at(t).position, target.at(t), line["ray_ned"]
+    _, t = camera.true_pixel(target, camera.row0_s(line.frame))
+    place, true, ray = flown.mock.flight.at(t).position, target.at(t), line.ray_ned
     reach = (true[2] - place[2]) / ray[2]
     return (place[0] + reach * ray[0] - true[0], place[1] + reach * ray[1] - true[1])
 
@@ -91,7 +91,7 @@ def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
     ratios = []
     for line in budgets(flown):
         north, east = on_the_ground(flown, line)
-        ratios.append(hypot(north, east) / line["budget"]["attitude"])
+        ratios.append(hypot(north, east) / line.budget.attitude)
     assert sqrt(sum(ratio**2 for ratio in ratios) / len(ratios)) < 1.5
 
 
@@ -111,7 +111,7 @@ def test_301_frames_300_ms_late_leave_the_final_estimate_as_in_time(name, most_m
     positions that is worth some millimetres of its own fix, and of the estimate one or two."""
     changes = {"seconds": 18.0, "camera.stops_at_s": 16.0, "camera.readout_s": 0.03 if "shutter" in name else 0.0}
     in_time, late = (seen(name, **changes, **{"camera.late_every": every}) for every in (0, 7))
-    assert late.companion.lines[-1]["fixes"] == in_time.companion.lines[-1]["fixes"]
+    assert late.companion.lines[-1].fixes == in_time.companion.lines[-1].fixes
     for axis in ("north", "east", "down"):
         assert late.final()[axis] == pytest.approx(in_time.final()[axis], abs=most_m)
 
@@ -126,9 +126,7 @@ def test_302_an_unknown_readout_is_uncertainty():
         )
         for readout in ("0.03", '"unknown"')
     )
-    claims = [
-        sum(line["budget"]["time"] for line in budgets(flown)) / len(budgets(flown)) for flown in (known, unknown)
-    ]
+    claims = [sum(line.budget.time for line in budgets(flown)) / len(budgets(flown)) for flown in (known, unknown)]
     assert claims[1] > claims[0]
     assert miss_m(known) < 0.05
     assert miss_m(unknown) < 0.2

@@ -7,6 +7,7 @@ import pytest
 from flying import fly
 from kept import kept
 
+from fwav_companion.recording.line_types import CalibrationLine, TargetLine
 from sitl_mock import scenario
 
 SETTINGS = ("camera.readout_s=0", "uncertainty.pixel_noise_px=1.5")
@@ -16,9 +17,7 @@ LATE = "camera.time_offset_s=0.04"
 def relative_errors(name: str, settings: tuple[str, ...], from_s: float, seed: int) -> list[tuple[float, float]]:
     """Errors relative to the vehicle, metres, and their normalised squares, of all fixes after a time of flight."""
     flight = fly(scenario(name).but({"seed": seed}), SETTINGS + settings)
-    lines = [
-        line for line in flight.companion.targets("pad") if line["state"] == "confirmed" and line["fix"] is not None
-    ]
+    lines = [line for line in flight.companion.targets("pad") if line.state == "confirmed" and line.fix is not None]
     return [flight.relative_error(line) for line in lines if flight.seen_at_s(line) >= from_s]
 
 
@@ -58,10 +57,10 @@ def test_a_calibrated_descent_ends_right_to_centimetres_where_the_lever_arm_is_k
 def test_near_the_ground_a_wandering_position_is_no_mistake_of_the_mount(seed):
     """From 1 m, what it wanders by in ten seconds looks like a mount off by half a turn, and all places as unknown."""
     flight = fly(scenario("descent_wander").but({"seed": seed}), (*SETTINGS, LATE, "tracking.self_calibration=true"))
-    assert not [line for line in flight.companion.lines if line.get("mistake")]
-    lines = [line for line in flight.companion.targets("pad") if line["state"] in ("confirmed", "coasting")]
+    assert not [line for line in flight.companion.lines if isinstance(line, CalibrationLine) and line.mistake]
+    lines = [line for line in flight.companion.targets("pad") if line.is_confirmed]
     assert len(lines) > 300
-    assert max(line["cov"][0][0] for line in lines) < 2.0**2
+    assert max(line.cov[0][0] for line in lines) < 2.0**2
 
 
 @pytest.mark.slow
@@ -96,20 +95,20 @@ def squares_about_gaps(settings: tuple[str, ...], wander: str, seed: int) -> tup
     flight, seen_s, gap_s = fly(options, EIGHTS + settings), dict[int, float](), dict[int, float]()
     unseen, again = list[float](), list[float]()
     for line in flight.companion.lines:
-        if line["type"] != "target" or line["state"] not in ("confirmed", "coasting"):
+        if not isinstance(line, TargetLine) or not line.is_confirmed:
             continue
         at_s = flight.seen_at_s(line)
-        since_s = at_s - seen_s.setdefault(line["track"], at_s)
-        if line["fix"] is not None:
-            seen_s[line["track"]] = at_s
+        since_s = at_s - seen_s.setdefault(line.track, at_s)
+        if line.fix is not None:
+            seen_s[line.track] = at_s
             if since_s > GAP_S:
-                gap_s[line["track"]] = at_s
+                gap_s[line.track] = at_s
         if at_s < 20.0:
             continue
         _, square = flight.relative_error(line)
-        if line["fix"] is None and since_s > GAP_S:
+        if line.fix is None and since_s > GAP_S:
             unseen.append(square)
-        elif line["fix"] is not None and at_s - gap_s.get(line["track"], -GAP_S) < SOON_S:
+        elif line.fix is not None and at_s - gap_s.get(line.track, -GAP_S) < SOON_S:
             again.append(square)
     return unseen, again
 
@@ -139,8 +138,8 @@ def test_a_frame_that_misses_a_calibrated_target_is_hardly_worse_than_one_that_s
     flight = fly(scenario("three_targets").but({"seed": seed}), (*EIGHTS, "tracking.self_calibration=true"))
     shown, missed = list[float](), list[float]()
     for line in flight.companion.lines:
-        if line["type"] == "target" and line["state"] == "confirmed" and flight.seen_at_s(line) > 20.0:
+        if isinstance(line, TargetLine) and line.state == "confirmed" and flight.seen_at_s(line) > 20.0:
             off_m, _ = flight.relative_error(line)
-            (missed if line["fix"] is None else shown).append(off_m**2)
+            (missed if line.fix is None else shown).append(off_m**2)
     assert len(missed) > 100
     assert mean(missed) < 1.5**2 * mean(shown)

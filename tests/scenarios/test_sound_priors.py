@@ -21,7 +21,7 @@ def test_orbits_with_a_wandering_position_deny_no_prior_and_are_not_worse_for_se
         options = scenario("default").but({**ORBIT, "seed": seed})
         plain, calibrating = (fly(options, [f"tracking.self_calibration={on}"]) for on in ("false", "true"))
         sigma_m = [
-            np.sqrt(np.linalg.eigvalsh(np.array(flight.final()["cov"])[:2, :2])[-1]) for flight in (plain, calibrating)
+            np.sqrt(np.linalg.eigvalsh(np.array(flight.final().cov)[:2, :2])[-1]) for flight in (plain, calibrating)
         ]
         assert calibrating.companion.pipeline._components.camera.calibration.denied == ()
         assert sigma_m[1] < 1.1 * sigma_m[0]

@@ -6,6 +6,7 @@ import pytest
 from draws import first_of
 from flying import fly
 
+from fwav_companion.recording.line_types import SightingLine, TargetLine
 from sitl_mock import TargetOptions, scenario
 
 HEIGHT_M = 1.7
@@ -44,23 +45,23 @@ def fixes(anchor, width_m, pitch_deg=37.0):
     flight = fly(options, text=text, sightings=True)
     found, labels = [], {}
     for line in flight.companion.lines:
-        if line["type"] == "target" and line.get("fix"):
-            labels[line["frame"], round(line["fix"]["north"], 6)] = int(line["label"])
+        if isinstance(line, TargetLine) and line.fix:
+            labels[line.frame, round(line.fix.north, 6)] = int(line.label)
     for line in flight.companion.lines:
-        if line["type"] != "sighting" or line["ground_ned"] is None:
+        if not isinstance(line, SightingLine) or line.ground_ned is None:
             continue
-        north, east, down = line["ground_ned"]
-        index = labels.get((line["frame"], round(north, 6)))
+        north, east, down = line.ground_ned
+        index = labels.get((line.frame, round(north, 6)))
         if index is None:
             continue
         camera = flight.mock.camera
-        left, top, right, bottom = camera.box(flight.mock.scene[index], camera.row0_s(line["frame"]))
+        left, top, right, bottom = camera.box(flight.mock.scene[index], camera.row0_s(line.frame))
         if not (left > 2 and top > 2 and right < 637 and bottom < 477):
             continue
         true = flight.mock.scene[index].at(0.0)
-        camera_n, camera_e, camera_d = line["camera_ned"]
+        camera_n, camera_e, camera_d = line.camera_ned
         angle = degrees(atan2(hypot(true[0] - camera_n, true[1] - camera_e), -camera_d))
-        found.append((angle, hypot(north - true[0], east - true[1]), line["budget"].get("target", 0.0)))
+        found.append((angle, hypot(north - true[0], east - true[1]), line.budget.target or 0.0))
         assert down == pytest.approx(0.0, abs=0.05)
     assert len(found) > 100
     assert {int(angle // 10.0) for angle, _, _ in found} >= ({1, 2, 3, 4, 5} if pitch_deg else {0, 1, 2})

@@ -3,6 +3,7 @@
 from flying import LINK, Companion
 from surface_tiles import surface_tile
 
+from fwav_companion.recording.line_types import TerrainLine
 from sitl_mock import Options, TargetOptions, scenario, simulate
 
 ALTITUDE_M = 4.0
@@ -35,10 +36,10 @@ def test_a_model_without_a_take_off_is_shifted_by_what_a_landmark_shows():
     for _ in mock.drive(companion):
         pass
     companion.finish()
-    shifts = [line for line in companion.lines if line["type"] == "terrain"]
-    assert shifts[0]["source"] == "assumed"
+    shifts = [line for line in companion.lines if isinstance(line, TerrainLine)]
+    assert shifts[0].source == "assumed"
     last = shifts[-1]
-    assert last["source"] == "landmark"
-    assert last["sigma_m"] < 3.5
-    assert abs(last["shift_m"] - ALTITUDE_M) < 3.0 * last["sigma_m"]
-    assert companion.lines[-1]["terrain"]["source"] == "landmark"
+    assert last.source == "landmark"
+    assert last.sigma_m < 3.5
+    assert abs(last.shift_m - ALTITUDE_M) < 3.0 * last.sigma_m
+    assert companion.lines[-1].terrain.source == "landmark"

@@ -11,6 +11,6 @@ from sitl_mock import scenario
 def test_a_walker_who_turns_about_stays_one_target(seed):
     """It reverses at once, every five seconds: 3 m/s from one frame to the next. It had up to eight ids in a minute."""
     flight = fly(scenario("walker").but({"seconds": 22.0, "seed": seed}), ["tracking.motion=moving"])
-    believed = [line for line in flight.companion.targets("person") if line["state"] in ("confirmed", "coasting")]
-    assert {line["track"] for line in believed} == {1}
-    assert not [line for line in believed if line["state"] == "coasting"]
+    believed = [line for line in flight.companion.targets("person") if line.is_confirmed]
+    assert {line.track for line in believed} == {1}
+    assert not [line for line in believed if line.state == "coasting"]

@@ -16,6 +16,7 @@ from kept import kept
 from scipy.stats import binom, chi2
 from surface_tiles import surface_tile
 
+from fwav_companion.recording.line_types import TerrainLine
 from fwav_companion.types import GroundFix, Reason
 from sitl_mock import FrameTruth, Options, Simulation, scenario, simulate
 from sitl_mock.earth import Place
@@ -134,17 +135,17 @@ def final_square(seed: int) -> float | None:
     mock, companion, _ = flown("consumer_gnss", seed, 300.0)
     origin = companion.pipeline.telemetry.world.plane.origin
     shift = mock.world.ned(Place(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
-    lines = [line for line in companion.targets() if line["state"] in ("confirmed", "coasting")]
-    last = {line["track"]: line for line in lines}
+    lines = [line for line in companion.targets() if line.is_confirmed]
+    last = {line.track: line for line in lines}
     if not last:
         return None
     line = Random(seed).choice(list(last.values()))
     offs = [
-        [line["north"] - (true[0] - shift[0]), line["east"] - (true[1] - shift[1])]
+        [line.north - (true[0] - shift[0]), line.east - (true[1] - shift[1])]
         for true in (target.at(0.0) for target in mock.scene)
     ]
     off = np.array(min(offs, key=lambda each: np.hypot(*each)))
-    return float(off @ np.linalg.solve(np.array(line["cov"])[:2, :2], off))
+    return float(off @ np.linalg.solve(np.array(line.cov)[:2, :2], off))
 
 
 @pytest.mark.slow
@@ -175,7 +176,7 @@ def test_a_flight_first_heard_in_the_air_takes_its_ground_from_the_landing():
     down = ((0.0, -42.0, 0.0, 60.0, 0.0), (4.0, -42.0, 0.0, 60.0, 0.0), (20.0, -34.0, 21.0, 0.0, 0.0))
     short = {"camera.fps": 0.2, "flight.waypoints": down, "autopilot.disarms_at_s": 22.0}
     _, companion, _ = flown("in_the_air", 1, 25.0, **short)
-    lines = [line for line in companion.lines if line["type"] == "terrain"]
-    assert [line["source"] for line in lines] == ["assumed", "landing"]
-    assert (lines[0]["shift_m"], lines[0]["sigma_m"]) == (0.0, 5.0)
-    assert lines[1]["sigma_m"] == 0.0
+    lines = [line for line in companion.lines if isinstance(line, TerrainLine)]
+    assert [line.source for line in lines] == ["assumed", "landing"]
+    assert (lines[0].shift_m, lines[0].sigma_m) == (0.0, 5.0)
+    assert lines[1].sigma_m == 0.0

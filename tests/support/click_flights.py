@@ -189,10 +189,10 @@ def fly_with_a_click(
 
 def final_error_m(companion: ClickCompanion) -> float | None:
     """Distance of the click's track from the true place at the end; None where it was never confirmed."""
-    lines = [line for line in companion.targets(CLICK_LABEL) if line["state"] in ("confirmed", "coasting")]
+    lines = [line for line in companion.targets(CLICK_LABEL) if line.is_confirmed]
     if not lines or companion.place is None:
         return None
-    return hypot(lines[-1]["north"] - companion.place[0], lines[-1]["east"] - companion.place[1])
+    return hypot(lines[-1].north - companion.place[0], lines[-1].east - companion.place[1])
 
 
 def compare_with_mil(seeds: Iterable[int], seconds: float, fps: float, sets: Sequence[str]) -> None:

@@ -21,7 +21,8 @@ from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import WANTED, make_pipeline
 from fwav_companion.recording.events import end_line, refused_line
-from fwav_companion.recording.lines import Line, encode_line
+from fwav_companion.recording.line_types import Line, TargetLine
+from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import Frame, NoticeCode, Outgoing
@@ -137,9 +138,9 @@ class Companion:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _scanner=Scanner())
 
-    def targets(self, label: str | None = None) -> list[Line]:
+    def targets(self, label: str | None = None) -> list[TargetLine]:
         """All target lines, of one label or of all."""
-        return [each for each in self.lines if each["type"] == "target" and label in (None, each["label"])]
+        return [each for each in self.lines if isinstance(each, TargetLine) and label in (None, each.label)]
 
     def targets_file(self) -> bytes:
         return b"".join(map(encode_line, self.lines))
@@ -196,27 +197,27 @@ class Flight:
         vars(mock).update(state["mock"])
         vars(self).update(state, mock=mock)
 
-    def final(self, label: str = "target") -> Line:
+    def final(self, label: str = "target") -> TargetLine:
         """The last line of the confirmed track of this label that was seen most."""
-        lines = [each for each in self.companion.targets(label) if each["state"] in ("confirmed", "coasting")]
+        lines = [each for each in self.companion.targets(label) if each.is_confirmed]
         assert lines, f"no confirmed track of {label!r}"
         return lines[-1]
 
-    def error_m(self, line: Line, index: int = 0) -> float:
+    def error_m(self, line: TargetLine, index: int = 0) -> float:
         """Horizontal distance of a target line to where the target was when the frame was captured."""
         true = self.mock.scene[index].at(self.seen_at_s(line))
-        return hypot(line["north"] - true[0], line["east"] - true[1])
+        return hypot(line.north - true[0], line.east - true[1])
 
-    def seen_at_s(self, line: Line) -> float:
+    def seen_at_s(self, line: TargetLine) -> float:
         """Time of flight of a line, seconds."""
-        return self.mock.flight_s(round(line["time_unix"] * 1e9) - self.companion.unix_offset_ns)
+        return self.mock.flight_s(round(line.time_unix * 1e9) - self.companion.unix_offset_ns)
 
-    def relative_error(self, line: Line) -> tuple[float, float]:
+    def relative_error(self, line: TargetLine) -> tuple[float, float]:
         """Error of a line's place relative to the vehicle, of the nearest target, metres, and its normalised square."""
-        at_s, relative = self.seen_at_s(line), line["relative"]
-        place = np.array((relative["north"], relative["east"])) + np.array(self.mock.flight.at(at_s).position)[:2]
+        at_s, relative = self.seen_at_s(line), line.relative
+        place = np.array((relative.north, relative.east)) + np.array(self.mock.flight.at(at_s).position)[:2]
         error = min((place - target.at(at_s)[:2] for target in self.mock.scene), key=lambda off: float(np.hypot(*off)))
-        return float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(relative["cov"])[:2, :2], error))
+        return float(np.hypot(*error)), float(error @ np.linalg.solve(np.array(relative.cov)[:2, :2], error))
 
 
 def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:

@@ -71,15 +71,15 @@ def fly_rendered(seed: int, seconds: float = 30.0, settings: Sequence[str] = (),
 def results(companion: RenderedCompanion, simulation: Simulation) -> Iterator[TagResult]:
     """Every tag of the flight against the truth."""
     for target in simulation.scene:
-        lines = [line for line in companion.targets(target.label) if line["state"] in ("confirmed", "coasting")]
+        lines = [line for line in companion.targets(target.label) if line.is_confirmed]
         usable, seed = companion.usable[target.label], simulation.options.seed
         if not lines:
             yield TagResult(seed, target.label, usable, False, 0.0, 0.0, False)
             continue
         last, true = lines[-1], target.at(0.0)
-        error_m = hypot(last["north"] - true[0], last["east"] - true[1])
-        beyond = error_m > circle_radius(last["cov"], 0.999)
-        yield TagResult(seed, target.label, usable, True, error_m, circle_radius(last["cov"], 0.95), beyond)
+        error_m = hypot(last.north - true[0], last.east - true[1])
+        beyond = error_m > circle_radius(last.cov, 0.999)
+        yield TagResult(seed, target.label, usable, True, error_m, circle_radius(last.cov, 0.95), beyond)
 
 
 def main() -> None:

@@ -6,26 +6,31 @@ from collections.abc import Sequence
 from html.parser import HTMLParser
 from typing import Any
 
+import msgspec
+
+from fwav_companion.recording.line_types import CalibrationLine, ClockEstimateLine, HeaderLine, SightingLine, TargetLine
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.tools.report.sighting_statistics import CAUSES
 
-Line = dict[str, Any]
 BEGUN = 1_790_000_000.0
 
 
-def header(**other: Any) -> Line:
-    return {
+def header(**other: Any) -> HeaderLine:
+    line = {
         "type": "header",
         "schema": 1,
         "version": "0.0",
         "origin": None,
         "unix_offset_s": BEGUN,
         "config": {},
-    } | other
+    }
+    return msgspec.convert(line | other, HeaderLine)
 
 
-def target(at_s: float, north: float, east: float, sigma_m: float = 1.0, **other: Any) -> Line:
+def target(at_s: float, north: float, east: float, sigma_m: float = 1.0, **other: Any) -> TargetLine:
+    """A confirmed target; ``fix`` may lack what a test does not choose."""
     variance = sigma_m * sigma_m
-    return {
+    line = {
         "type": "target",
         "time_unix": BEGUN + at_s,
         "frame": round(at_s * 10),
@@ -40,35 +45,38 @@ def target(at_s: float, north: float, east: float, sigma_m: float = 1.0, **other
         "cov": [[variance, 0.0, 0.0], [0.0, variance, 0.0], [0.0, 0.0, 1.0]],
         "fix": None,
     } | other
+    if line["fix"] is not None:
+        line["fix"] = {"down": 0.0, "cov": line["cov"], **line["fix"]}
+    return msgspec.convert(line, TargetLine)
 
 
-def calibration(at_s: float, delay_s: float, delay_sigma_s: float, mount: Sequence[float], sigma: float) -> Line:
+def calibration(
+    at_s: float, delay_s: float, delay_sigma_s: float, mount: Sequence[float], sigma: float, **other: Any
+) -> CalibrationLine:
     values = {"time_offset_s": delay_s, "time_offset_sigma_s": delay_sigma_s, "status": "calibrated"}
-    return {
-        "type": "calibration",
-        "time_unix": BEGUN + at_s,
-        "mount_deg": mount,
-        "mount_sigma_deg": [sigma] * 3,
-    } | values
+    line = {"type": "calibration", "time_unix": BEGUN + at_s, "mount_deg": mount, "mount_sigma_deg": [sigma] * 3}
+    return msgspec.convert(line | values | other, CalibrationLine)
 
 
-def sighting(at_s: float = 1.0, budget: Line | None = None, **other: Any) -> Line:
+def sighting(at_s: float = 1.0, budget: dict[str, float] | None = None, **other: Any) -> SightingLine:
     """A used detection from 10 m above the origin."""
-    return {
+    line = {
         "type": "sighting",
         "frame": round(at_s * 10),
+        "index": 0,
         "reason": None,
         "gap_s": 0.001,
         "time_boot": at_s,
         "camera_ned": [0.0, 0.0, -10.0],
         "ground_ned": [0.0, 0.0, 0.0],
         "budget": None if budget is None else dict.fromkeys(CAUSES, 0.0) | budget,
-    } | other
+    }
+    return msgspec.convert(line | other, SightingLine)
 
 
-def clock(at_s: float, offset_s: float, sigma_s: float = 1e-5, **other: Any) -> Line:
+def clock(at_s: float, offset_s: float, sigma_s: float = 1e-5, **other: Any) -> ClockEstimateLine:
     """The offset host minus autopilot at one time."""
-    return {
+    line = {
         "type": "clock",
         "time_monotonic": at_s,
         "time_boot": at_s - offset_s,
@@ -77,14 +85,16 @@ def clock(at_s: float, offset_s: float, sigma_s: float = 1e-5, **other: Any) -> 
         "bound_s": 1e-3,
         "round_trip_s": 2e-3,
         "status": "settled",
-    } | other
+    }
+    return msgspec.convert(line | other, ClockEstimateLine)
 
 
-def summary(**other: Any) -> Line:
-    return {"type": "summary", "frames": 10, "detections": 5, "fixes": 5, "dropped": {}} | other
+def summary(**other: Any) -> SummaryLine:
+    line = {"type": "summary", "frames": 10, "detections": 5, "fixes": 5, "dropped": {}}
+    return msgspec.convert(line | other, SummaryLine)
 
 
-def approach(errors_m: Sequence[float], sigma_m: float = 1.0, **other: Any) -> list[Line]:
+def approach(errors_m: Sequence[float], sigma_m: float = 1.0, **other: Any) -> list[TargetLine]:
     """Target lines one second apart, each this far north of (100, -50)."""
     return [target(float(at_s), 100.0 + error_m, -50.0, sigma_m, **other) for at_s, error_m in enumerate(errors_m)]
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from flying import Flight, fly
 
+from fwav_companion.recording.line_types import ClockEstimateLine, SightingLine
 from sitl_mock import scenario
 from sitl_mock.clock import BootClock, SimulatorTime
 
@@ -59,13 +60,13 @@ def clock_errors(flown: Flight) -> list[ClockError]:
     reboot_s = min(options.others.reboots_at_s, default=float("inf"))
     errors = []
     for line in flown.companion.lines:
-        if line["type"] == "clock":
-            host_ns = round(line["time_monotonic"] * 1e9)
+        if isinstance(line, ClockEstimateLine):
+            host_ns = round(line.time_monotonic * 1e9)
             at_s = mock.flight_s(host_ns)
             clock = before if at_s < reboot_s + options.others.reboot_takes_s else mock.clock
             true_s = (host_ns - clock.boot_ns(host_ns)) * 1e-9
-            error_s = line["host_from_autopilot_s"] - true_s
-            errors.append(ClockError(at_s, error_s, line["sigma_s"], line["bound_s"], line["status"]))
+            error_s = line.host_from_autopilot_s - true_s
+            errors.append(ClockError(at_s, error_s, line.sigma_s, line.bound_s, line.status))
     return errors
 
 
@@ -95,15 +96,15 @@ def miss_m(flown: Flight) -> float:
     """Horizontal error of the last estimate, metres, for any position of the origin."""
     line = flown.final()
     true = flown.mock.world.place(flown.mock.scene[0].at(0.0))
-    north = (line["lat"] - true.lat) * 111_200.0
-    return hypot(north, (line["lon"] - true.lon) * 111_200.0 * cos(radians(true.lat)))
+    north = (line.lat - true.lat) * 111_200.0
+    return hypot(north, (line.lon - true.lon) * 111_200.0 * cos(radians(true.lat)))
 
 
 def held_back(flown: Flight) -> dict[str, int]:
     reasons = {"before_history", "no_clock", "stale_attitude", "attitude_gap", "from_the_future", "too_late"}
-    dropped, calm = flown.companion.lines[-1]["dropped"], seen("unbiased").companion.lines[-1]["dropped"]
+    dropped, calm = flown.companion.lines[-1].dropped, seen("unbiased").companion.lines[-1].dropped
     return {reason: dropped.get(reason, 0) - calm.get(reason, 0) for reason in reasons}
 
 
-def budgets(flown: Flight) -> list[dict[str, Any]]:
-    return [line for line in flown.companion.lines if line["type"] == "sighting" and line["budget"]]
+def budgets(flown: Flight) -> list[SightingLine]:
+    return [line for line in flown.companion.lines if isinstance(line, SightingLine) and line.budget]

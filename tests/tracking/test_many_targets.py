@@ -8,6 +8,7 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
 from fwav_companion.tracking.track_table import MAX_TRACKS
 from fwav_companion.types import NoFrame, Reason, TrackState
@@ -71,9 +72,9 @@ def test_every_fix_updates_a_track_or_is_counted():
         fixes -= len(places) if isinstance(tracks, NoFrame) else 0
         log.settle(reorder.close(host_ns(1.5)), None)
     log.settle(reorder.close(host_ns(9.0)), None)
-    lines = [line for line in log.take() if line["type"] == "target"]
+    lines = [line for line in log.take() if isinstance(line, TargetLine)]
     assert log.refused_detections()["too_many_tracks"] > 100
-    assert sum(line["fix"] is not None for line in lines) + log.refused_detections()["too_many_tracks"] == fixes
+    assert sum(line.fix is not None for line in lines) + log.refused_detections()["too_many_tracks"] == fixes
 
 
 def test_a_full_table_of_confirmed_tracks_in_view_takes_no_new_one():

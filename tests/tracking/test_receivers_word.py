@@ -11,6 +11,7 @@ from handmade import a_fix, host_ns
 from msgspec.structs import replace
 from simulated_flight import priors
 
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.moving import MovingKalman
@@ -75,7 +76,7 @@ def test_a_px4_that_does_not_use_its_receiver(accuracy_m, ratio, flags, sigma_m)
 def flown(fix_type, settings=()):
     truth = {"autopilot.fix_type": fix_type, "autopilot.h_acc_m": 0.0, "biases.position_m": 0.02, "seconds": 10.0}
     lines = fly(scenario("unbiased").but({**truth, "seed": 3}), settings=settings).companion.lines
-    return [line for line in lines if line["type"] == "target" and line["fix"] is not None]
+    return [line for line in lines if isinstance(line, TargetLine) and line.fix is not None]
 
 
 def larger(cov):
@@ -84,7 +85,7 @@ def larger(cov):
 
 def test_a_flight_claims_what_its_receiver_says():
     usual, fixed = flown(3), flown(6)
-    for key, find in {"fix": lambda line: line["fix"]["cov"], "track": lambda line: line["cov"]}.items():
+    for key, find in {"fix": lambda line: line.fix.cov, "track": lambda line: line.cov}.items():
         before, after = np.array(find(usual[-1])), np.array(find(fixed[-1]))
         gain = np.trace((before - after)[:2, :2])
         assert gain == pytest.approx(2 * (1.0**2 - 0.02**2), rel=0.3 if key == "track" else 1e-6), key
@@ -92,8 +93,8 @@ def test_a_flight_claims_what_its_receiver_says():
 
 def test_a_configured_sigma_counts_whatever_the_receiver_says():
     lines = flown(6, ["uncertainty.position_bias_m=1.0"])
-    assert lines[-1]["fix"]["cov"] == flown(3, ["uncertainty.position_bias_m=1.0"])[-1]["fix"]["cov"]
-    assert larger(lines[-1]["fix"]["cov"]) > 1.0
+    assert lines[-1].fix.cov == flown(3, ["uncertainty.position_bias_m=1.0"])[-1].fix.cov
+    assert larger(lines[-1].fix.cov) > 1.0
 
 
 PRIORS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, position_north=1.0, position_east=1.0)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from fwav_companion.recording.line_types import CalibrationLine, TargetLine
 from sitl_mock import Simulation
 from tests.accuracy.flights import plan_of, recording_of, replayed
 from tests.accuracy.scores import Tracks
@@ -16,7 +17,7 @@ def test_flight_is_placed_within_its_claims(kind, most_m, tmp_path):
     recording = recording_of(plan, tmp_path)
     tracks = Tracks(Simulation(plan.options), plan.landmarks)
     for line in replayed(plan, recording, "third"):
-        if line["type"] in ("target", "calibration"):
+        if isinstance(line, TargetLine | CalibrationLine):
             tracks.add(line)
     score = tracks.score(recording.in_view, recording.first_seen_s, cpu_s=0.0, seed=1)
     assert score.relative.rms_m < most_m

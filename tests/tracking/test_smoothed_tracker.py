@@ -21,6 +21,7 @@ from fwav_companion.estimation.errors import (
 )
 from fwav_companion.estimation.frame_prediction import FramePrediction, pair_distances
 from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.recording.line_types import CalibrationLine, TargetLine
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry.hermite_series import HermiteSeries
 from fwav_companion.tracking.smoothed.flight_errors import shared_priors
@@ -42,7 +43,7 @@ def score(flight, name):
     plan, recording, lines = flight
     tracks = Tracks(Simulation(plan.options), plan.landmarks)
     for line in lines[name]:
-        if line["type"] in ("target", "calibration"):
+        if isinstance(line, TargetLine | CalibrationLine):
             tracks.add(line)
     return tracks.score(recording.in_view, recording.first_seen_s, cpu_s=0.0, seed=1)
 
@@ -60,9 +61,9 @@ def test_smoother_begins_one_track_for_the_one_target(flight):
 
 
 def test_calibration_lines_give_the_planted_delay_as_a_correction_of_the_configuration(flight):
-    last = [line for line in flight[2]["third"] if line["type"] == "calibration"][-1]
-    assert last["time_offset_s"] == pytest.approx(0.035, abs=4 * last["time_offset_sigma_s"])
-    assert last["time_offset_sigma_s"] < 0.005
+    last = [line for line in flight[2]["third"] if isinstance(line, CalibrationLine)][-1]
+    assert last.time_offset_s == pytest.approx(0.035, abs=4 * last.time_offset_sigma_s)
+    assert last.time_offset_sigma_s < 0.005
 
 
 def test_replay_by_the_smoother_gives_the_same_lines_again(flight):
@@ -73,14 +74,14 @@ def test_replay_by_the_smoother_gives_the_same_lines_again(flight):
 def test_summary_has_the_target_by_the_whole_flight_within_its_claim(flight):
     plan, _, lines = flight
     summary = lines["third"][-1]
-    live = [line for line in lines["third"] if line["type"] == "target" and line["state"] == "confirmed"][-1]
-    (final,) = summary["final"]
+    live = [line for line in lines["third"] if isinstance(line, TargetLine) and line.state == "confirmed"][-1]
+    (final,) = summary.final
     truth = Simulation(plan.options).world.place(Simulation(plan.options).scene[0].at(0.0))
-    off = np.array([final["lat"] - truth.lat, (final["lon"] - truth.lon) * np.cos(np.radians(truth.lat))]) * 111_194.0
-    assert off @ np.linalg.solve(np.array(final["cov"])[:2, :2], off) < 18.0
-    assert (final["track"], final["label"]) == (live["track"], live["label"])
-    assert (final["down"], final["cov"][2][2]) == (live["down"], live["cov"][2][2])
-    assert "final" not in lines["plain"][-1]
+    off = np.array([final.lat - truth.lat, (final.lon - truth.lon) * np.cos(np.radians(truth.lat))]) * 111_194.0
+    assert off @ np.linalg.solve(np.array(final.cov)[:2, :2], off) < 18.0
+    assert (final.track, final.label) == (live.track, live.label)
+    assert (final.down, final.cov[2][2]) == (live.down, live.cov[2][2])
+    assert lines["plain"][-1].final is None
 
 
 def shifted_alike(displacements):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.replay import driver
 from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
@@ -88,7 +89,7 @@ def test_solves_that_never_end_leave_the_answers_of_the_filters(flight, monkeypa
 
     lines, counts = lines_by(flight, Never, monkeypatch)
     assert (counts.taken, counts.late) == (0, 1)
-    confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
+    confirmed = [line for line in lines if isinstance(line, TargetLine) and line.state == "confirmed"]
     assert len(confirmed) > 50
 
 
@@ -105,5 +106,5 @@ def test_solve_that_fails_is_counted_and_leaves_the_answers_of_the_filters(fligh
     lines, counts = lines_by(flight, Failing, monkeypatch)
     assert counts.taken == 0
     assert counts.failed >= 2
-    assert lines[-1]["final"] == []
-    assert [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
+    assert lines[-1].final == []
+    assert [line for line in lines if isinstance(line, TargetLine) and line.state == "confirmed"]

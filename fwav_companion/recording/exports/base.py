@@ -12,14 +12,12 @@ from typing import Final
 
 import msgspec
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.ellipses import ellipse_outline, semi_axes
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.labels import display_names
-from fwav_companion.recording.lines import Line
-from fwav_companion.types import TrackState
+from fwav_companion.recording.line_types import HeaderLine, Line, OriginLine, TargetLine
 
-CONFIRMED_STATES: Final = (TrackState.CONFIRMED.value, TrackState.COASTING.value)
 SHARE: Final = 0.95
 """Probability of every ellipse and interval in an export."""
 SCALE_95: Final = sqrt(-2.0 * log(1.0 - SHARE))
@@ -50,20 +48,21 @@ def ellipse95(cov: Matrix3) -> Ellipse95:
 class ExportedTrack:
     """A confirmed track: its last line, and its path if it moves."""
 
-    def __init__(self) -> None:
-        self.last: Line = {}
+    def __init__(self, first: TargetLine) -> None:
+        self.last = first
         self.path: list[tuple[float, float]] = []
         """Points of the path: (latitude, longitude), degrees."""
         self._path_time = 0.0
 
-    def add(self, line: Line, *, may_grow: bool) -> bool:
+    def add(self, line: TargetLine, *, may_grow: bool) -> bool:
         """Add the next line. Returns whether the path grew."""
         self.last = line
-        moves = line["vel"] is not None and line["lat"] is not None
-        if not (moves and may_grow) or (self.path and line["time_unix"] - self._path_time < PATH_EVERY_S):
+        if line.vel is None or line.lat_lon is None or not may_grow:
             return False
-        self.path.append((line["lat"], line["lon"]))
-        self._path_time = line["time_unix"]
+        if self.path and line.time_unix - self._path_time < PATH_EVERY_S:
+            return False
+        self.path.append(line.lat_lon)
+        self._path_time = line.time_unix
         return True
 
 
@@ -93,31 +92,30 @@ class MapExport(Export):
 
     def add(self, line: Line) -> None:
         """Keep the lines of confirmed tracks, and the origin."""
-        if line["type"] in ("header", "origin") and line["origin"] is not None:
-            origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"] or 0.0))
-        elif line["type"] == "target" and line["state"] in CONFIRMED_STATES:
-            track = self._tracks.setdefault(line["track"], ExportedTrack())
+        if isinstance(line, HeaderLine | OriginLine) and line.origin is not None:
+            self._plane = line.origin.plane
+        elif isinstance(line, TargetLine) and line.is_confirmed:
+            track = self._tracks.setdefault(line.track, ExportedTrack(line))
             self._points += track.add(line, may_grow=self._points < MOST_POINTS)
 
     def tracks(self) -> Iterator[tuple[str, int, ExportedTrack]]:
         """(name, track number, track), by number. The name contains the number where several tracks share a label."""
-        labels = [track.last["label"] for track in self._tracks.values()]
+        labels = [track.last.label for track in self._tracks.values()]
         names, count = display_names(labels), Counter(labels)
         for number, track in sorted(self._tracks.items()):
-            label = track.last["label"]
+            label = track.last.label
             yield names[label] if count[label] == 1 else f"{names[label]} #{number}", number, track
 
-    def outline(self, line: Line) -> list[tuple[float, float]]:
+    def outline(self, line: TargetLine) -> list[tuple[float, float]]:
         """(latitude, longitude) of the 95 % ellipse, degrees, counter-clockwise and closed.
 
         Empty without a global position.
         """
-        if self._plane is None or line["lat"] is None:
+        if self._plane is None or line.lat_lon is None:
             return []
         corners = []
-        for north, east in reversed(ellipse_outline(line["north"], line["east"], line["cov"], SHARE)):
-            place = self._plane.geodetic_from_ned((north, east, line["down"]))
+        for north, east in reversed(ellipse_outline(line.north, line.east, line.cov, SHARE)):
+            place = self._plane.geodetic_from_ned((north, east, line.down))
             corners.append((place.lat_deg, place.lon_deg))
         return [*corners, corners[0]]
 

@@ -10,7 +10,7 @@ from typing import Any
 from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.exports.base import Export, ellipse95, utc_text
 from fwav_companion.recording.labels import display_name
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, TargetLine
 
 COPIED = (
     "time_unix",
@@ -46,7 +46,7 @@ class CsvExport(Export):
 
     def add(self, line: Line) -> None:
         """Add a row for a target line."""
-        if line["type"] == "target":
+        if isinstance(line, TargetLine):
             self._writer.writerow(_row(line))
 
     def content(self) -> bytes:
@@ -54,19 +54,19 @@ class CsvExport(Export):
         return self._text.getvalue().encode()
 
 
-def _row(line: Line) -> list[Any]:
-    ellipse, fix = ellipse95(line["cov"]), line["fix"]
+def _row(line: TargetLine) -> list[Any]:
+    ellipse, fix = ellipse95(line.cov), line.fix
     return [
-        utc_text(line["time_unix"]),
-        _harmless(display_name(line["label"])),
-        *(_harmless(line[name]) for name in COPIED),
-        line.get("reason"),
+        utc_text(line.time_unix),
+        _harmless(display_name(line.label)),
+        *(_harmless(getattr(line, name)) for name in COPIED),
+        line.reason,
         ellipse.major_m,
         ellipse.minor_m,
         ellipse.bearing_deg,
-        NORMAL_95 * max(0.0, line["cov"][2][2]) ** 0.5,
-        *(line["vel"] or (None, None, None)),
-        *((fix["north"], fix["east"], fix["down"]) if fix else (None, None, None)),
+        NORMAL_95 * max(0.0, line.cov[2][2]) ** 0.5,
+        *(line.vel or (None, None, None)),
+        *((fix.north, fix.east, fix.down) if fix else (None, None, None)),
     ]
 
 

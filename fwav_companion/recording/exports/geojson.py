@@ -9,7 +9,9 @@ import msgspec
 
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.recording.exports.base import SHARE, ExportedTrack, MapExport, ellipse95, utc_text
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import TargetLine
+
+JsonObject = dict[str, Any]
 
 
 class GeoJsonExport(MapExport):
@@ -20,10 +22,10 @@ class GeoJsonExport(MapExport):
         features = [feature for name, number, track in self.tracks() for feature in self._features(name, number, track)]
         return msgspec.json.format(msgspec.json.encode({"type": "FeatureCollection", "features": features}), indent=1)
 
-    def _features(self, name: str, number: int, track: ExportedTrack) -> Iterator[Line]:
+    def _features(self, name: str, number: int, track: ExportedTrack) -> Iterator[JsonObject]:
         last, known = track.last, {"name": name, "track": number}
         # A target without a global position has no geometry; its place from the point below the camera is a property.
-        point = None if last["lat"] is None else {"type": "Point", "coordinates": [last["lon"], last["lat"]]}
+        point = None if last.lat is None else {"type": "Point", "coordinates": [last.lon, last.lat]}
         yield _feature(point, {**known, "what": "target", **_properties(last)})
         outline = self.outline(last)
         if outline:
@@ -39,22 +41,22 @@ def _coordinates(points: Iterable[tuple[float, float]]) -> list[list[float]]:
     return [[lon, lat] for lat, lon in points]
 
 
-def _feature(geometry: Line | None, properties: Line) -> Line:
+def _feature(geometry: JsonObject | None, properties: JsonObject) -> JsonObject:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def _properties(line: Line) -> dict[str, Any]:
-    ellipse = ellipse95(line["cov"])
+def _properties(line: TargetLine) -> JsonObject:
+    ellipse = ellipse95(line.cov)
     return {
-        "label": line["label"],
-        "state": line["state"],
-        "time": utc_text(line["time_unix"]),
-        "alt_amsl": line["alt_amsl"],
-        **({"alt_takeoff": line["alt_takeoff"]} if "alt_takeoff" in line else {}),
-        "north": line["north"],
-        "east": line["east"],
-        "down": line["down"],
-        "radius95_m": circle_radius(line["cov"], SHARE),
+        "label": line.label,
+        "state": line.state,
+        "time": utc_text(line.time_unix),
+        "alt_amsl": line.alt_amsl,
+        **({} if line.alt_takeoff is None else {"alt_takeoff": line.alt_takeoff}),
+        "north": line.north,
+        "east": line.east,
+        "down": line.down,
+        "radius95_m": circle_radius(line.cov, SHARE),
         "ellipse95_major_m": ellipse.major_m,
         "ellipse95_minor_m": ellipse.minor_m,
         "ellipse95_bearing_deg": ellipse.bearing_deg,

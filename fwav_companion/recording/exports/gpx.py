@@ -16,17 +16,17 @@ class GpxExport(MapExport):
     def content(self) -> bytes:
         """The file after the last line; waypoints first, as the schema demands."""
         root = Element("gpx", xmlns=NAMESPACE, version="1.1", creator="fwav-companion")
-        placed = [(name, track) for name, _, track in self.tracks() if track.last["lat"] is not None]
+        placed = [(name, track) for name, _, track in self.tracks() if track.last.lat is not None]
         for name, track in placed:
             last = track.last
-            point = SubElement(root, "wpt", lat=repr(last["lat"]), lon=repr(last["lon"]))
-            if last["alt_amsl"] is not None:
-                SubElement(point, "ele").text = f"{last['alt_amsl']:.2f}"  # above mean sea level
-            time = utc_text(last["time_unix"])
+            point = SubElement(root, "wpt", lat=repr(last.lat), lon=repr(last.lon))
+            if last.alt_amsl is not None:
+                SubElement(point, "ele").text = f"{last.alt_amsl:.2f}"  # above mean sea level
+            time = utc_text(last.time_unix)
             if time:
                 SubElement(point, "time").text = time
             SubElement(point, "name").text = _printable(name)
-            SubElement(point, "desc").text = f"{last['state']}; within {circle_radius(last['cov'], SHARE):.2f} m (95 %)"
+            SubElement(point, "desc").text = f"{last.state}; within {circle_radius(last.cov, SHARE):.2f} m (95 %)"
         for name, track in placed:
             if len(track.path) > 1:
                 path = SubElement(root, "trk")

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.recording.exports.base import SHARE, ExportedTrack, MapExport, ellipse95, utc_text
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import TargetLine
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 LINE_COLOUR, FILL_COLOUR = "ff0000ff", "400000ff"
@@ -24,7 +24,7 @@ class KmlExport(MapExport):
         _text(document, "name", "fwav-companion targets")
         _style(document)
         for name, number, track in self.tracks():
-            if track.last["lat"] is not None:
+            if track.last.lat_lon is not None:
                 self._folder(document, _printable(name), track, self.picture_of(number))
         indent(root)
         text: str = tostring(root, encoding="unicode")
@@ -40,10 +40,10 @@ class KmlExport(MapExport):
         _text(folder, "name", name)
         pin = _placemark(folder, name)
         _text(pin, "description", _description(last) + (f'<br/><img src="{picture}" width="480"/>' if picture else ""))
-        time = utc_text(last["time_unix"])
+        time = utc_text(last.time_unix)
         if time:
             _text(SubElement(pin, "TimeStamp"), "when", time)
-        _coordinates(SubElement(pin, "Point"), [(last["lat"], last["lon"])])
+        _coordinates(SubElement(pin, "Point"), [] if last.lat_lon is None else [last.lat_lon])
         outline = self.outline(last)
         if outline:
             polygon = SubElement(_placemark(folder, f"{name}: 95 % ellipse", styled=True), "Polygon")
@@ -69,12 +69,12 @@ def _style(document: Element) -> None:
     _text(SubElement(style, "PolyStyle"), "color", FILL_COLOUR)
 
 
-def _description(line: Line) -> str:
-    ellipse = ellipse95(line["cov"])
-    height = f"{line['alt_amsl']:.1f} m AMSL" if line["alt_amsl"] is not None else ""
-    height = height or f"{line.get('alt_takeoff', 0.0):+.1f} m from the take-off"
+def _description(line: TargetLine) -> str:
+    ellipse = ellipse95(line.cov)
+    height = f"{line.alt_amsl:.1f} m AMSL" if line.alt_amsl is not None else ""
+    height = height or f"{line.alt_takeoff or 0.0:+.1f} m from the take-off"
     return (
-        f"{line['state']}; within {circle_radius(line['cov'], SHARE):.2f} m (95 %); semi-axes of the 95 % ellipse "
+        f"{line.state}; within {circle_radius(line.cov, SHARE):.2f} m (95 %); semi-axes of the 95 % ellipse "
         f"{ellipse.major_m:.2f} m and {ellipse.minor_m:.2f} m, the longer one to {ellipse.bearing_deg:.0f} deg; "
         f"{height}"
     )

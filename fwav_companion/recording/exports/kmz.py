@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Final
 
-from fwav_companion.recording.exports.base import CONFIRMED_STATES
 from fwav_companion.recording.exports.kml import KmlExport
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, TargetLine
 
 FIRST_DATE: Final = (1980, 1, 1, 0, 0, 0)
 """Date of every entry, the earliest of zip: the same recording gives the same bytes."""
@@ -27,10 +26,10 @@ class KmzExport(KmlExport):
     def add(self, line: Line) -> None:
         """Note the newest picture with a fix of each target, too."""
         super().add(line)
-        if line["type"] != "target" or line["fix"] is None or line["state"] not in CONFIRMED_STATES:
+        if not isinstance(line, TargetLine) or line.frame is None or line.fix is None:
             return
-        if line["frame"] in self._pictures:
-            self._sight[line["track"]] = line["frame"]
+        if line.is_confirmed and line.frame in self._pictures:
+            self._sight[line.track] = line.frame
 
     def picture_of(self, track: int) -> str:
         """The name of a track's picture in the file; "" where there is none."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any, Final
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.recording.exports.base import ellipse95
 from fwav_companion.recording.exports.viewer_scene import (
@@ -21,7 +21,17 @@ from fwav_companion.recording.exports.viewer_scene import (
     stamp,
     transform,
 )
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import (
+    CalibrationLine,
+    ClockEstimateLine,
+    HeaderLine,
+    HomeLine,
+    Line,
+    OriginLine,
+    OriginObject,
+    TargetLine,
+    TerrainLine,
+)
 
 CAMERA = "camera"
 LOG_INFO, LOG_WARNING = 2, 3
@@ -42,36 +52,41 @@ class ViewerMessages:
 
     def of_line(self, line: Line) -> list[Message]:
         """The messages of one line of a targets file."""
-        kind = line["type"]
-        if kind == "header":
-            self._unix_offset_s = line.get("unix_offset_s", 0.0)
-        if kind in ("header", "origin") and line.get("origin") is not None:
-            origin = line["origin"]
-            self._has_altitude = origin["alt_amsl"] is not None
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"] or 0.0))
-        if kind == "target":
-            return self._of_target(line)
-        if kind == "clock":
-            at_ns = self._at(line["time_monotonic"] + self._unix_offset_s)
-            return [("/clock", at_ns, {"timestamp": stamp(at_ns), **{key: line[key] for key in CLOCK_KEYS}})]
-        if kind == "calibration":
-            return self._of_calibration(line)
-        if kind in ("terrain", "home"):
-            at_ns = self._at(line["time_unix"])
-            text = ", ".join(f"{key} {value}" for key, value in line.items() if key not in ("type", "time_unix"))
-            return [self._log(at_ns, f"{kind}: {text}", LOG_INFO)]
+        if isinstance(line, HeaderLine):
+            self._unix_offset_s = line.unix_offset_s
+        match line:
+            case HeaderLine() | OriginLine():
+                self._on_origin(line.origin)
+            case TargetLine():
+                return self._of_target(line)
+            case ClockEstimateLine():
+                at_ns = self._at(line.time_monotonic + self._unix_offset_s)
+                return [
+                    ("/clock", at_ns, {"timestamp": stamp(at_ns), **{key: getattr(line, key) for key in CLOCK_KEYS}})
+                ]
+            case CalibrationLine():
+                return self._of_calibration(line)
+            case TerrainLine():
+                text = f"terrain: shift_m {line.shift_m}, sigma_m {line.sigma_m}, source {line.source}"
+                return [self._log(self._at(line.time_unix), text, LOG_INFO)]
+            case HomeLine(time_unix=float(at_s)):
+                return [self._log(self._at(at_s), f"home: down {line.down}", LOG_INFO)]
         return []
 
-    def _of_target(self, line: Line) -> list[Message]:
-        at_ns, cov = self._at(line["time_unix"]), line["cov"]
+    def _on_origin(self, origin: OriginObject | None) -> None:
+        if origin is not None:
+            self._plane, self._has_altitude = origin.plane, origin.alt_amsl is not None
+
+    def _of_target(self, line: TargetLine) -> list[Message]:
+        at_ns, cov = self._at(line.time_unix), line.cov
         at = stamp(at_ns)
-        place: Vector3 = (line["north"], line["east"], line["down"])
+        place: Vector3 = (line.north, line.east, line.down)
         ellipse = ellipse95(cov)
         estimate = {
             "timestamp": at,
-            "track": line["track"],
-            "label": line["label"],
-            "state": line["state"],
+            "track": line.track,
+            "label": line.label,
+            "state": line.state,
             "north": place[0],
             "east": place[1],
             "down": place[2],
@@ -80,24 +95,24 @@ class ViewerMessages:
             "sigma_down": sqrt(max(0.0, cov[2][2])),
             "major95": ellipse.major_m,
         }
-        name, state = f"track {line['track']}", line["state"]
+        name, state = f"track {line.track}", line.state
         if state == "dropped":
             scene = {"deletions": [deletion(at, name)], "entities": []}
         else:
-            text = f"{line['label'] or 'target'} {line['track']}"
+            text = f"{line.label or 'target'} {line.track}"
             scene = {"deletions": [], "entities": [entity(at, name, text, state, place, ellipse)]}
         messages: list[Message] = [("/targets/scene", at_ns, scene), ("/targets/estimates", at_ns, estimate)]
-        if line["lat"] is not None and line["alt_amsl"] is not None:
-            fix = location(at, line["lat"], line["lon"], line["alt_amsl"], cov)
+        if line.lat_lon is not None and line.alt_amsl is not None:
+            fix = location(at, *line.lat_lon, line.alt_amsl, cov)
             messages.append(("/targets/location", at_ns, fix))
-        relative = line.get("relative")
+        relative = line.relative
         if relative is not None and at_ns != self._last_pose_ns:
             self._last_pose_ns = at_ns  # one pose a frame, by its first target
             north, east, down = place
-            vehicle_ned = (north - relative["north"], east - relative["east"], down - relative["down"])
+            vehicle_ned = (north - relative.north, east - relative.east, down - relative.down)
             messages += self._of_vehicle(at_ns, at, vehicle_ned)
         if state == "dropped":
-            messages.append(self._log(at_ns, f"track {line['track']} dropped: {line.get('reason', '')}", LOG_INFO))
+            messages.append(self._log(at_ns, f"track {line.track} dropped: {line.reason or ''}", LOG_INFO))
         return messages
 
     def _of_vehicle(self, at_ns: int, at: Stamp, vehicle_ned: Vector3) -> list[Message]:
@@ -108,14 +123,14 @@ class ViewerMessages:
             messages.append(("/vehicle/location", at_ns, fix))
         return messages
 
-    def _of_calibration(self, line: Line) -> list[Message]:
-        at_ns = self._at(line["time_unix"])
-        axes = {f"mount_{axis}_deg": line["mount_deg"][i] for i, axis in enumerate("xyz")}
-        sigmas = {f"mount_sigma_{axis}_deg": line["mount_sigma_deg"][i] for i, axis in enumerate("xyz")}
-        said = {key: line[key] for key in ("time_offset_s", "time_offset_sigma_s", "status")}
+    def _of_calibration(self, line: CalibrationLine) -> list[Message]:
+        at_ns = self._at(line.time_unix)
+        axes = {f"mount_{axis}_deg": line.mount_deg[i] for i, axis in enumerate("xyz")}
+        sigmas = {f"mount_sigma_{axis}_deg": line.mount_sigma_deg[i] for i, axis in enumerate("xyz")}
+        said = {key: getattr(line, key) for key in ("time_offset_s", "time_offset_sigma_s", "status")}
         messages: list[Message] = [("/self_calibration", at_ns, {"timestamp": stamp(at_ns), **said, **axes, **sigmas})]
-        if "mistake" in line:
-            messages.append(self._log(at_ns, f"camera mount: {line['mistake']}", LOG_WARNING))
+        if line.mistake:
+            messages.append(self._log(at_ns, f"camera mount: {line.mistake}", LOG_WARNING))
         return messages
 
     def _log(self, at_ns: int, text: str, level: int) -> Message:

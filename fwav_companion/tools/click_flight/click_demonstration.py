@@ -13,7 +13,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.on_disk import whole
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.tools.click_flight.click_report import click_page
 from fwav_companion.tools.click_flight.click_score import PASS_GAP_S, ClickScore, is_whole, sample, with_troubles
@@ -25,7 +25,6 @@ from fwav_companion.vision.preview_drawing import drawn
 
 LOOKS_AFTER_S: Final = 5.5
 """Time after the first frame at which the operator looks: the clock has settled, the vehicle is localized."""
-CONFIRMED_STATES: Final = ("confirmed", "coasting")
 KEPT_PICTURES: Final = 3
 """Pictures in the report: the click, the next pass, the last one."""
 
@@ -75,26 +74,26 @@ class ClickDemonstration:
             for each in seen
             if is_whole(each.pixel, size) and each.frame >= flight.followed_from
         )
-        confirmed = [line for line in flight.lines if line["state"] in CONFIRMED_STATES]
+        confirmed = [line for line in flight.lines if line.is_confirmed]
         score = ClickScore(samples=samples, refusals=tuple(flight.refusals), confirmed=bool(confirmed))
         if not confirmed or flight.origin is None:
             return with_troubles(score, None, right_picture=_is_right(flight.click), strays=())
         last = confirmed[-1]
         score = msgspec.structs.replace(
-            score, error_m=_error_m(last, spot, flight.origin), claimed95_m=circle_radius(last["cov"], 0.95)
+            score, error_m=_error_m(last, spot, flight.origin), claimed95_m=circle_radius(last.cov, 0.95)
         )
         strays = sorted(found.keys() - {each.frame for each in spot.sights})
-        return with_troubles(score, last["cov"], right_picture=_is_right(flight.click), strays=strays)
+        return with_troubles(score, last.cov, right_picture=_is_right(flight.click), strays=strays)
 
 
 def _is_right(click: Click) -> bool:
     return click.frame == click.taken_frame
 
 
-def _error_m(line: Line, spot: TrueSpot, origin: Geodetic) -> float:
+def _error_m(line: TargetLine, spot: TrueSpot, origin: Geodetic) -> float:
     """Horizontal distance of a target from the spot, both on the globe."""
     north, east, _ = TangentPlane(origin).ned_from_geodetic(Geodetic.from_degrees(spot.lat, spot.lon, 0.0))
-    return hypot(line["north"] - north, line["east"] - east)
+    return hypot(line.north - north, line.east - east)
 
 
 def _pictures(mock: RenderedFlight, click: Click, score: ClickScore) -> list[Shown]:

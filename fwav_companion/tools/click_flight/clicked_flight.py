@@ -21,7 +21,7 @@ from fwav_companion.geometry.stamps import NS_PER_US, HostNs, ns_from_s
 from fwav_companion.mavlink.wire.codec import Encoder, decode
 from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import HeaderLine, TargetLine
 from fwav_companion.replay import Recording
 from fwav_companion.replay.recorded import is_own
 from fwav_companion.types import Detection, Frame, Message
@@ -90,7 +90,7 @@ class ClickedFlight:
         self.origin: Geodetic | None = None
         """Origin of the lines."""
         self.found: list[FoundSpot] = []
-        self.lines: list[Line] = []
+        self.lines: list[TargetLine] = []
         """Lines of the click's track."""
         self.refusals: list[str] = []
         """Why clicks were refused."""
@@ -174,9 +174,9 @@ class ClickedFlight:
     def _take(self, now: HostNs) -> None:
         outputs = self._pipeline.take()
         for line in outputs.lines:
-            if line["type"] == "header" and line["origin"] is not None:
-                self.origin = Geodetic.from_degrees(*(line["origin"][key] for key in ("lat", "lon", "alt_amsl")))
-            elif line["type"] == "target" and line["label"] == CLICK_LABEL:
+            if isinstance(line, HeaderLine) and line.origin is not None:
+                self.origin = line.origin.geodetic
+            elif isinstance(line, TargetLine) and line.label == CLICK_LABEL:
                 self.lines.append(line)
         for order in outputs.spot_messages:
             match order:

@@ -16,7 +16,7 @@ from typing import Any
 
 from fwav_companion.config import Config, load, parse
 from fwav_companion.pipeline.pipeline_factory import own_components
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import Recording, join, replay
 from fwav_companion.replay.telemetry_files import load_telemetry

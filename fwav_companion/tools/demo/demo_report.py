@@ -15,11 +15,10 @@ import msgspec
 
 from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.on_disk import whole
 from fwav_companion.pipeline.pipeline_factory import own_components
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import HeaderLine, Line, OriginObject
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import join, replay
 from fwav_companion.replay.telemetry_files import load_telemetry
@@ -55,7 +54,7 @@ def write_report(
         lines,
         title="Tags found from a flapping wing",
         truth=parse_truth((out / "truth.csv").read_text(encoding="utf-8"), "truth.csv"),
-        true_path=true_path(truth, lines[0]["origin"]),
+        true_path=true_path(truth, _origin(lines)),
         picture=_picture(flight_arguments, out, recording),
         notes=[
             f"A demonstration with seed {setup.seed}: nothing was attached. {NOTE}",
@@ -98,18 +97,18 @@ def _result(flight: FlightData) -> list[str]:
     return [sentence]
 
 
-def true_path(truth: Sequence[Mapping[str, Any]], origin: Mapping[str, float] | None) -> TrueVehiclePath:
+def true_path(truth: Sequence[Mapping[str, Any]], origin: OriginObject | None) -> TrueVehiclePath:
     """The mock's positions about the recording's origin: a service that starts late takes another than the mock's."""
     vehicle = [line for line in truth if line["type"] == "vehicle"]
     positions: list[Vector3] = [tuple(line["position"]) for line in vehicle]
     if vehicle and origin is not None:
-        mock, ours = _plane(truth[0]["origin"]), _plane(origin)
+        mock, ours = msgspec.convert(truth[0]["origin"], OriginObject).plane, origin.plane
         positions = [ours.ned_from_geodetic(mock.geodetic_from_ned(position)) for position in positions]
     return TrueVehiclePath(times_boot_s=[line["boot_ns"] * 1e-9 for line in vehicle], positions_ned=positions)
 
 
-def _plane(origin: Mapping[str, float]) -> TangentPlane:
-    return TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
+def _origin(lines: Sequence[Line]) -> OriginObject | None:
+    return lines[0].origin if isinstance(lines[0], HeaderLine) else None
 
 
 def _replayed(recording: Path, config: Config) -> list[Line]:

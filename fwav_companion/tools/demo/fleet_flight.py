@@ -163,7 +163,7 @@ file = "status.json"
             trouble = _trouble(children)
             if trouble is not None:
                 return f"{trouble}, {flown_s:.1f} s into the flight"
-            for line in () if lines is None else lines.new():
+            for line in () if lines is None else lines.new_objects():
                 if line["type"] == "picture" and flown_s < self._seconds:
                     self._take(line["update"])
             watch(flown_s, len(self._fused))

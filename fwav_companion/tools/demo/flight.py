@@ -16,6 +16,8 @@ import msgspec
 
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
+from fwav_companion.recording.line_decoder import read_lines
+from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, PIPE, FlightSetup
 from fwav_companion.tools.demo.ground_station import GroundStation
 from fwav_companion.tools.demo.processes import ChildProcess, GrowingLines, newest_object
@@ -51,7 +53,7 @@ class FlightProgress(msgspec.Struct, frozen=True):
     place: dict[str, float] | None
     """The selected target at the ground station."""
     texts: list[str]
-    clock: dict[str, Any] | None
+    clock: ClockEstimateLine | None
     """The newest clock line."""
     pictures: int
     pictures_left_out: int
@@ -220,9 +222,9 @@ class Demonstration:
             self._recording = self._recording_folder()
             self._targets = None if self._recording is None else GrowingLines(self._recording / "targets.jsonl")
         if self._targets is not None:
-            self._board.take_targets(self._targets.new())
-        self._board.take_truth(self._truth.new())
-        self._board.take_pictures(self._pictures.new())
+            self._board.take_targets(read_lines(self._targets.new()).lines)
+        self._board.take_truth(self._truth.new_objects())
+        self._board.take_pictures(self._pictures.new_objects())
 
     def _recording_folder(self) -> Path | None:
         name = newest_object(self._out / "status.json").get("recording")
@@ -237,7 +239,7 @@ class Demonstration:
             rates_hz=ground.rates_hz(),
             place=ground.place,
             texts=list(ground.texts),
-            clock=dict(self._board.clock) if self._board.clock else None,
+            clock=self._board.clock,
             pictures=self._board.pictures[True],
             pictures_left_out=self._board.pictures[False],
         )

@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fwav_companion.geometry.ellipses import ELLIPSE_95, NORMAL_95
+from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.tools.demo.flight import DemoResult, FlightProgress
 from fwav_companion.tools.demo.scoreboard import TargetScore
 
@@ -161,11 +162,11 @@ def _links(status: Mapping[str, Any]) -> str:
     return "; ".join(found)
 
 
-def _clock(clock: Mapping[str, Any] | None) -> str:
+def _clock(clock: ClockEstimateLine | None) -> str:
     if clock is None:
         return "offset to the autopilot's clock not known yet"
-    error95_ms = 1e3 * min(NORMAL_95 * clock["sigma_s"], clock["bound_s"])
-    return f"{clock['status']}: offset to the autopilot's clock known to {error95_ms:.2f} ms (95 %)"
+    error95_ms = 1e3 * min(NORMAL_95 * clock.sigma_s, clock.bound_s)
+    return f"{clock.status}: offset to the autopilot's clock known to {error95_ms:.2f} ms (95 %)"
 
 
 def _camera(progress: FlightProgress) -> str:

@@ -78,13 +78,17 @@ def _end_with_parent() -> None:
 
 
 class GrowingLines:
-    """Reader of a JSONL file that another process writes: each whole line once; a missing file has no lines."""
+    """Reader of a file of lines that another process writes: each whole line once; a missing file has no lines."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._offset = 0
 
-    def new(self) -> list[dict[str, Any]]:
+    def new_objects(self) -> list[dict[str, Any]]:
+        """The lines since the last call, decoded from JSON."""
+        return [json.loads(line) for line in self.new()]
+
+    def new(self) -> list[bytes]:
         """The lines since the last call."""
         try:
             with self._path.open("rb") as file:
@@ -94,7 +98,7 @@ class GrowingLines:
             return []
         whole = data[: data.rfind(b"\n") + 1]
         self._offset += len(whole)
-        return [json.loads(line) for line in whole.splitlines()]
+        return whole.splitlines()
 
 
 def newest_object(path: Path) -> dict[str, Any]:

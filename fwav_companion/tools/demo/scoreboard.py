@@ -12,10 +12,11 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.recording.labels import display_name
+from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, Line, OriginLine, TargetLine
+from fwav_companion.types import TrackState
 
 DUE_FRAMES = 10
 """Delivered pictures with the whole tag, readable, after which the service must have found it."""
-CONFIRMED_STATES = ("confirmed", "coasting")
 
 
 class TargetScore(msgspec.Struct, frozen=True):
@@ -69,31 +70,30 @@ class Scoreboard:
     def __init__(self) -> None:
         self._truth: dict[str, Geodetic] = {}
         self._plane: TangentPlane | None = None
-        self._newest: dict[str, Mapping[str, Any]] = {}
-        self._confirmed: dict[str, dict[int, Mapping[str, Any]]] = {}
+        self._newest: dict[str, TargetLine] = {}
+        self._confirmed: dict[str, dict[int, TargetLine]] = {}
         """The last confirmed line of each track, by label."""
         self._dropped: set[int] = set()
         """Track numbers."""
         self._usable: Counter[str] = Counter()
-        self.clock: Mapping[str, Any] | None = None
+        self.clock: ClockEstimateLine | None = None
         """The newest clock line."""
         self.pictures = Counter({True: 0, False: 0})
         """Number of pictures delivered (True) and skipped by a busy machine (False)."""
 
-    def take_targets(self, lines: Iterable[Mapping[str, Any]]) -> None:
+    def take_targets(self, lines: Iterable[Line]) -> None:
         """Add lines of the service's recording."""
         for line in lines:
-            match line["type"]:
-                case "header" | "origin" if line["origin"] is not None:
-                    place = line["origin"]
-                    self._plane = TangentPlane(Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"]))
-                case "target":
-                    self._newest[line["label"]] = line
-                    if line["state"] in CONFIRMED_STATES:
-                        self._confirmed.setdefault(line["label"], {})[line["track"]] = line
-                    elif line["state"] == "dropped":
-                        self._dropped.add(line["track"])
-                case "clock":
+            match line:
+                case HeaderLine(origin=origin) | OriginLine(origin=origin) if origin is not None:
+                    self._plane = origin.plane
+                case TargetLine():
+                    self._newest[line.label] = line
+                    if line.is_confirmed:
+                        self._confirmed.setdefault(line.label, {})[line.track] = line
+                    elif line.state is TrackState.DROPPED:
+                        self._dropped.add(line.track)
+                case ClockEstimateLine():
                     self.clock = line
 
     def take_truth(self, lines: Iterable[Mapping[str, Any]]) -> None:
@@ -136,20 +136,20 @@ class Scoreboard:
         line, error_m = min(scored, key=lambda pair: pair[1] or 0.0)
         return TargetScore(
             label=label,
-            state=self._newest[label]["state"],
-            north=line["north"],
-            east=line["east"],
+            state=self._newest[label].state,
+            north=line.north,
+            east=line.east,
             found=bool(tracks),
             error_m=error_m,
-            claimed95_m=circle_radius(line["cov"], 0.95),
-            claimed999_m=circle_radius(line["cov"], 0.999),
+            claimed95_m=circle_radius(line.cov, 0.95),
+            claimed999_m=circle_radius(line.cov, 0.999),
             usable_frames=self._usable[label],
             ghosts=max(0, len(alive) - 1),
         )
 
-    def _error_m(self, label: str, line: Mapping[str, Any]) -> float | None:
+    def _error_m(self, label: str, line: TargetLine) -> float | None:
         """Horizontal error of a line, metres; None before the origin is known."""
         if self._plane is None:
             return None
         true = self._plane.ned_from_geodetic(self._truth[label])
-        return hypot(line["north"] - true[0], line["east"] - true[1])
+        return hypot(line.north - true[0], line.east - true[1])

@@ -11,7 +11,6 @@ from fwav_companion.tools.report.flight_data import CameraPicture, FlightData, P
 from fwav_companion.tools.report.page import SecondFlight, page
 from fwav_companion.tools.report.summary_section import SecondResult
 from fwav_companion.tools.report.target_series import ReplayedLines
-from fwav_companion.tools.report.targets_file import read_lines
 from fwav_companion.tools.report.tracking_variants import (
     CALIBRATED,
     PAPER,
@@ -41,7 +40,6 @@ __all__ = [
     "diagnostics",
     "flight_data",
     "page",
-    "read_lines",
     "variant_of",
     "variants_section",
 ]

@@ -7,7 +7,7 @@ from math import hypot
 from statistics import median
 
 from fwav_companion.geometry.ellipses import NORMAL_95
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, Line
 from fwav_companion.tools.report.drawing import LinearAxes, drawing, polygon, polyline, thinned
 from fwav_companion.tools.report.flight_data import ClockSample, FlightData
 from fwav_companion.tools.report.page_elements import figure, key, section
@@ -74,13 +74,13 @@ def _gaps_chart(gaps_s: Sequence[float]) -> str:
 
 def clock_offset_section(lines: Sequence[Line], start: float) -> str:
     """Clock offset and shortest round trip over time; empty with less than two lines of a settled clock."""
-    clock = settled_clock([line for line in lines if line["type"] == "clock"])
+    clock = settled_clock([line for line in lines if isinstance(line, ClockEstimateLine)])
     if len(clock) < 2:
         return ""
-    offset_s = lines[0].get("unix_offset_s", 0.0)
-    times = [line["time_monotonic"] + offset_s - start for line in clock]
-    moved_ms = [1e3 * (line["host_from_autopilot_s"] - clock[-1]["host_from_autopilot_s"]) for line in clock]
-    errors_ms = [1e3 * NORMAL_95 * line["sigma_s"] for line in clock]
+    offset_s = lines[0].unix_offset_s if isinstance(lines[0], HeaderLine) else 0.0
+    times = [line.time_monotonic + offset_s - start for line in clock]
+    moved_ms = [1e3 * (line.host_from_autopilot_s - clock[-1].host_from_autopilot_s) for line in clock]
+    errors_ms = [1e3 * NORMAL_95 * line.sigma_s for line in clock]
     figures = figure(
         OFFSET,
         _offset_chart(times, list(zip(moved_ms, errors_ms, strict=True))),
@@ -91,11 +91,11 @@ def clock_offset_section(lines: Sequence[Line], start: float) -> str:
     return section("The two clocks in detail", "", f'<div class="two">{figures}</div>')
 
 
-def settled_clock(clock: Sequence[Line]) -> list[Line]:
+def settled_clock(clock: Sequence[ClockEstimateLine]) -> list[ClockEstimateLine]:
     """The settled clock lines since the last jump of the offset: before it another offset held (autopilot restart)."""
-    found: list[Line] = []
+    found: list[ClockEstimateLine] = []
     for line in clock:
-        if line.get("status") != ClockStatus.SETTLED:
+        if line.status != ClockStatus.SETTLED:
             continue
         if found and _has_jumped(found[-1], line):
             found = []
@@ -103,35 +103,35 @@ def settled_clock(clock: Sequence[Line]) -> list[Line]:
     return found
 
 
-def _has_jumped(before: Line, line: Line) -> bool:
+def _has_jumped(before: ClockEstimateLine, line: ClockEstimateLine) -> bool:
     """Whether the offset moved further than both hard bounds and the largest drift allow."""
-    step_s = abs(line["host_from_autopilot_s"] - before["host_from_autopilot_s"])
-    passed_s = line["time_monotonic"] - before["time_monotonic"]
-    return bool(step_s > before["bound_s"] + line["bound_s"] + LARGEST_DRIFT * passed_s)
+    step_s = abs(line.host_from_autopilot_s - before.host_from_autopilot_s)
+    passed_s = line.time_monotonic - before.time_monotonic
+    return bool(step_s > before.bound_s + line.bound_s + LARGEST_DRIFT * passed_s)
 
 
-def clock_drift(clock: Sequence[Line]) -> tuple[float, float]:
+def clock_drift(clock: Sequence[ClockEstimateLine]) -> tuple[float, float]:
     """Drift of the offset, and half the width of its 95 % interval, seconds per second.
 
     Drift: line fit weighted by 1 / sigma^2 (Mills). Estimates of a clock filter are correlated, so the interval is that
     of two estimates only, the last one and the best partner: the least sqrt(sigma_i^2 + sigma_last^2) / (t_last - t_i).
     """
-    weights = [1.0 / max(line["sigma_s"], SMALLEST_SIGMA_S) ** 2 for line in clock]
-    times = [line["time_monotonic"] - clock[0]["time_monotonic"] for line in clock]
-    offsets = [line["host_from_autopilot_s"] - clock[0]["host_from_autopilot_s"] for line in clock]
+    weights = [1.0 / max(line.sigma_s, SMALLEST_SIGMA_S) ** 2 for line in clock]
+    times = [line.time_monotonic - clock[0].time_monotonic for line in clock]
+    offsets = [line.host_from_autopilot_s - clock[0].host_from_autopilot_s for line in clock]
     total = sum(weights)
     mean_time = sum(w * t for w, t in zip(weights, times, strict=True)) / total
     mean_offset = sum(w * y for w, y in zip(weights, offsets, strict=True)) / total
     spread = sum(w * (t - mean_time) ** 2 for w, t in zip(weights, times, strict=True))
     slope = sum(w * (t - mean_time) * (y - mean_offset) for w, t, y in zip(weights, times, offsets, strict=True))
-    sigmas = [hypot(line["sigma_s"], clock[-1]["sigma_s"]) for line in clock[:-1]]
+    sigmas = [hypot(line.sigma_s, clock[-1].sigma_s) for line in clock[:-1]]
     width = min(sigma / (times[-1] - t) for sigma, t in zip(sigmas, times, strict=False))
     return slope / spread, NORMAL_95 * width
 
 
-def _drift_words(clock: Sequence[Line]) -> str:
+def _drift_words(clock: Sequence[ClockEstimateLine]) -> str:
     """A falling offset (host minus autopilot) means that the autopilot's clock gains. Empty below FIT_S seconds."""
-    if clock[-1]["time_monotonic"] - clock[0]["time_monotonic"] < FIT_S:
+    if clock[-1].time_monotonic - clock[0].time_monotonic < FIT_S:
         return ""
     drift, width = (1e6 * value for value in clock_drift(clock))
     digits = 1 if width < 1.0 else 0
@@ -153,11 +153,9 @@ def _offset_chart(times: Sequence[float], values: Sequence[tuple[float, float]])
     return drawing(*axes.size, parts, OFFSET)
 
 
-def _round_trip_figure(times: Sequence[float], clock: Sequence[Line]) -> str:
+def _round_trip_figure(times: Sequence[float], clock: Sequence[ClockEstimateLine]) -> str:
     trips = [
-        (t, 1e3 * line["round_trip_s"])
-        for t, line in zip(times, clock, strict=True)
-        if line.get("round_trip_s") is not None
+        (t, 1e3 * line.round_trip_s) for t, line in zip(times, clock, strict=True) if line.round_trip_s is not None
     ]
     if len(trips) < 2:
         return ""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import msgspec
 
-from fwav_companion.recording.lines import Line, line_unix_s
+from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, TargetLine, line_unix_s
 from fwav_companion.tools.report.clock_section import clock_offset_section
 from fwav_companion.tools.report.drawing import LinearAxes, Point, circle, drawing, line, thinned
+from fwav_companion.tools.report.flight_data import TIMED
 from fwav_companion.tools.report.page_elements import figure, key, section
-from fwav_companion.tools.report.series_matching import CONFIRMED_STATES
 
 EXPECTED_NIS, NIS_95 = 2.0, 5.991
 """Mean and 95 % quantile of the normalised innovation squared, chi-square with 2 degrees of freedom."""
@@ -45,19 +45,18 @@ def diagnostics(lines: Sequence[Line]) -> list[str]:
 
 def _start(lines: Sequence[Line]) -> float:
     """Unix time of the first line with a time."""
-    offset_s = lines[0]["unix_offset_s"] if lines and lines[0]["type"] == "header" else 0.0
-    kinds = ("target", "clock", "calibration")
-    times = [line_unix_s(line, offset_s) for line in lines if line["type"] in kinds]
+    offset_s = lines[0].unix_offset_s if lines and isinstance(lines[0], HeaderLine) else 0.0
+    times = [line_unix_s(line, offset_s) for line in lines if isinstance(line, TIMED)]
     return min((at_s for at_s in times if at_s is not None), default=0.0)
 
 
 def innovations(lines: Sequence[Line], start: float) -> list[InnovationSample]:
     """The innovations of confirmed tracks; empty where the replay did not write them."""
-    confirmed = (line for line in lines if line["type"] == "target" and line["state"] in CONFIRMED_STATES)
+    confirmed = (line for line in lines if isinstance(line, TargetLine) and line.is_confirmed)
     return [
-        InnovationSample(line["time_unix"] - start, found["north"], found["east"], found["distance2"])
+        InnovationSample(line.time_unix - start, found.north, found.east, found.distance2)
         for line in confirmed
-        if (found := line.get("innovation")) is not None
+        if (found := line.innovation) is not None
     ]
 
 
@@ -77,7 +76,7 @@ def _innovation_section(lines: Sequence[Line], start: float) -> str:
                    ("bound", "line", f"95 % are below, {NIS_95:g}")])  # fmt: skip
     figures = figure("Innovations", _innovation_chart(found, seconds), INNOVATION, key=key(AXES))
     figures += figure("Normalised innovations squared", _nis_chart(found, seconds), caption, key=entries)
-    words = BEFORE_CALIBRATION if any(line["type"] == "calibration" for line in lines) else ""
+    words = BEFORE_CALIBRATION if any(isinstance(line, CalibrationLine) for line in lines) else ""
     return section("Do the sightings agree with one another?", words, f'<div class="two">{figures}</div>')
 
 

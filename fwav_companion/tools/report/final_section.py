@@ -8,10 +8,12 @@ from math import hypot
 import msgspec
 
 from fwav_companion.geometry.ellipses import radius_95
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, TargetLine
+from fwav_companion.recording.summary_types import FinalObject, SummaryLine
 from fwav_companion.tools.report.page_elements import row, section, table
 from fwav_companion.tools.report.target_series import TargetSeries
 from fwav_companion.tools.report.wording import table_length
+from fwav_companion.types import TrackState
 
 SAME_M = 1e-6
 """Distance of two places that are the same estimate, metres."""
@@ -33,25 +35,26 @@ class FinalTarget(msgspec.Struct, frozen=True):
 
 def final_targets(lines: Sequence[Line], targets: Sequence[TargetSeries]) -> list[FinalTarget]:
     """The targets of the summary's ``final`` with their last estimates in flight; empty where it has none."""
-    ends = {line["track"]: line for line in lines if line["type"] == "target" and line["state"] == "confirmed"}
+    ends = {line.track: line for line in lines if isinstance(line, TargetLine) and line.state is TrackState.CONFIRMED}
     found = []
-    for final in lines[-1].get("final", ()) if lines else ():
-        end = ends.get(final["track"])
+    summary = lines[-1] if lines else None
+    for final in (summary.final if isinstance(summary, SummaryLine) else None) or ():
+        end = ends.get(final.track)
         if end is not None:
             series = next((each for each in targets if _is_end_of(each, end)), None)
-            name = f"{end['label'] or 'target'} {final['track']}" if series is None else series.name
+            name = f"{end.label or 'target'} {final.track}" if series is None else series.name
             true_ned = None if series is None else series.true_ned
             found.append(FinalTarget(name, _place(end), _place(final), true_ned))
     return found
 
 
-def _is_end_of(series: TargetSeries, line: Line) -> bool:
+def _is_end_of(series: TargetSeries, line: TargetLine) -> bool:
     last = series.last
-    return last is not None and hypot(last.north - line["north"], last.east - line["east"]) < SAME_M
+    return last is not None and hypot(last.north - line.north, last.east - line.east) < SAME_M
 
 
-def _place(line: Line) -> tuple[float, float, float]:
-    return line["north"], line["east"], radius_95(line["cov"])
+def _place(line: TargetLine | FinalObject) -> tuple[float, float, float]:
+    return line.north, line.east, radius_95(line.cov)
 
 
 def final_section(targets: Sequence[FinalTarget]) -> str:

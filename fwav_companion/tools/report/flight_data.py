@@ -11,7 +11,17 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import NORMAL_95
 from fwav_companion.recording.labels import landmark_result, notice_texts, shift_text
-from fwav_companion.recording.lines import Line, line_unix_s
+from fwav_companion.recording.line_types import (
+    CalibrationLine,
+    ClockEstimateLine,
+    HeaderLine,
+    Line,
+    OriginLine,
+    SightingLine,
+    TargetLine,
+    line_unix_s,
+)
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report.final_section import FinalTarget, final_targets
 from fwav_companion.tools.report.series_builder import target_series
@@ -31,6 +41,11 @@ from fwav_companion.tools.report.true_vehicle_path import (
     position_errors,
 )
 from fwav_companion.types.flight_status import ParameterReport
+
+CUT_OFF = SummaryLine(frames=0, detections=0, fixes=0, dropped={})
+"""Summary of a recording that has none: it was cut off."""
+TIMED = (TargetLine, ClockEstimateLine, CalibrationLine)
+"""Lines that span a flight."""
 
 
 class ClockSample(msgspec.Struct, frozen=True):
@@ -172,16 +187,18 @@ def flight_data(
     hidden: Mapping[str, str] | None = None,
     notes: Iterable[str] = (),
 ) -> FlightData:
-    """The flight in the lines of a replay with sightings; ``others``: the recording tracked in other variants."""
-    header = lines[0]
-    summary = lines[-1] if lines[-1]["type"] == "summary" else {}
-    dropped = summary.get("dropped", {})
-    sightings = [line for line in lines if line["type"] == "sighting"]
-    place = next((line["origin"] for line in lines if line["type"] in ("header", "origin") and line["origin"]), None)
-    origin = Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"] or 0.0) if place else None
-    plane = TangentPlane(origin) if origin else None
-    start, end = _span([*lines, *chain.from_iterable(other.lines for other in others)], header["unix_offset_s"])
-    used = [line for line in sightings if line["reason"] is None]
+    """The flight in the lines of a replay with sightings, header first; ``others``: the recording tracked in other
+    variants.
+    """
+    header, end_line = lines[0], lines[-1]
+    if not isinstance(header, HeaderLine):
+        raise TypeError(f"the first line is not a header: {header!r}")
+    summary = end_line if isinstance(end_line, SummaryLine) else CUT_OFF
+    sightings = [line for line in lines if isinstance(line, SightingLine)]
+    place = next((line.origin for line in lines if isinstance(line, HeaderLine | OriginLine) and line.origin), None)
+    origin, plane = (None, None) if place is None else (place.geodetic, place.plane)
+    start, end = _span([*lines, *chain.from_iterable(other.lines for other in others)], header.unix_offset_s)
+    used = [line for line in sightings if line.reason is None]
     errors = {} if true_path is None else position_errors(lines, true_path)
     calibration, calibrated_by = _calibration([ReplayedLines("", variant.kind, lines), *others], start)
     targets = target_series(lines, others=others, truth=truth, plane=plane, start_unix=start, position_errors=errors)
@@ -189,38 +206,40 @@ def flight_data(
         title=title,
         start_unix=start,
         seconds=end - start,
-        version=header["version"],
+        version=header.version,
         origin=origin,
-        has_altitude=place is not None and place["alt_amsl"] is not None,
+        has_altitude=place is not None and place.alt_amsl is not None,
         targets=targets,
         variant=variant,
         path=estimated_path(used) if true_path is None else [[(n, e) for n, e, _ in true_path.positions_ned]],
         path_is_true=true_path is not None,
-        gaps_s=[line["gap_s"] for line in used if line["gap_s"] is not None],
+        gaps_s=[line.gap_s for line in used if line.gap_s is not None],
         height_m=height_m(used) if origin else None,
         position_error_m=mean_position_error(errors),
         budget95_m=budget95_m(used),
-        clock=_clock(lines, header["unix_offset_s"] - start),
-        frames=summary.get("frames", 0),
-        detections=summary.get("detections", 0),
-        fixes=summary.get("fixes", 0),
-        refused_frames=refused_frames(sightings, dropped),
-        refused_detections=refused_detections(sightings, dropped),
+        clock=_clock(lines, header.unix_offset_s - start),
+        frames=summary.frames,
+        detections=summary.detections,
+        fixes=summary.fixes,
+        refused_frames=refused_frames(sightings, summary.dropped),
+        refused_detections=refused_detections(sightings, summary.dropped),
         picture=picture,
         hidden=dict(hidden or {}),
         notes=[*notes, *_terrain_notes(summary), *map(_sentence, notice_texts(summary))],
-        moving=header["config"].get("tracking", {}).get("motion") == "moving",
+        moving=header.config.get("tracking", {}).get("motion") == "moving",
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
         final=final_targets(lines, targets),
-        landmarks=_landmarks(header["config"].get("landmark", ()), summary, plane),
+        landmarks=_landmarks(header.config.get("landmark", ()), summary, plane),
     )
 
 
-def _landmarks(configured: Sequence[Line], summary: Line, plane: TangentPlane | None) -> list[LandmarkSeries]:
+def _landmarks(
+    configured: Sequence[Mapping[str, Any]], summary: SummaryLine, plane: TangentPlane | None
+) -> list[LandmarkSeries]:
     """The landmarks with their results; empty without an origin."""
-    shown = {each["label"]: each for each in summary.get("landmarks", ())}
+    shown = {each.label: each for each in summary.landmarks}
     found = []
     for landmark in configured if plane is not None else ():
         result = shown.get(landmark["label"])
@@ -234,10 +253,10 @@ def _landmarks(configured: Sequence[Line], summary: Line, plane: TangentPlane | 
                 north=north,
                 east=east,
                 sigma_m=landmark["sigma_m"],
-                used=result["used"],
-                refused=result["refused"],
+                used=result.used,
+                refused=result.refused,
                 result=landmark_result(result),
-                left_out=result["state"] == "left_out",
+                left_out=result.state == "left_out",
             )
         )
     return found
@@ -247,16 +266,14 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def _terrain_notes(summary: Line) -> list[str]:
+def _terrain_notes(summary: SummaryLine) -> list[str]:
     """The shift of the elevation model that counts at the end; empty without one."""
-    shift = summary.get("terrain")
-    return [] if shift is None else [f"Elevation model: {shift_text(shift)}."]
+    return [] if summary.terrain is None else [f"Elevation model: {shift_text(summary.terrain)}."]
 
 
 def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:
     """Unix times of the first and the last line with a time."""
-    kinds = ("target", "clock", "calibration")
-    found = (line_unix_s(line, unix_offset_s) for line in lines if line["type"] in kinds)
+    found = (line_unix_s(line, unix_offset_s) for line in lines if isinstance(line, TIMED))
     times = [at_s for at_s in found if at_s is not None]
     return (min(times), max(times)) if times else (0.0, 0.0)
 
@@ -264,32 +281,32 @@ def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:
 def _clock(lines: Sequence[Line], start_from_monotonic_s: float) -> list[ClockSample]:
     return [
         ClockSample(
-            at_s=line["time_monotonic"] + start_from_monotonic_s,
-            error95_s=min(NORMAL_95 * line["sigma_s"], line["bound_s"]),
-            bound_s=line["bound_s"],
+            at_s=line.time_monotonic + start_from_monotonic_s,
+            error95_s=min(NORMAL_95 * line.sigma_s, line.bound_s),
+            bound_s=line.bound_s,
         )
         for line in lines
-        if line["type"] == "clock"
+        if isinstance(line, ClockEstimateLine)
     ]
 
 
 def _calibration(replays: Sequence[ReplayedLines], start: float) -> tuple[list[CalibrationSample], str]:
     """Self-calibration of the first replay that has it, and that replay's name."""
     for replay in replays:
-        lines = [line for line in replay.lines if line["type"] == "calibration"]
+        lines = [line for line in replay.lines if isinstance(line, CalibrationLine)]
         if lines:
             return [_calibration_sample(line, start) for line in lines], replay.name
     return [], ""
 
 
-def _calibration_sample(line: Line, start: float) -> CalibrationSample:
+def _calibration_sample(line: CalibrationLine, start: float) -> CalibrationSample:
     return CalibrationSample(
-        at_s=line["time_unix"] - start,
-        time_offset_s=line["time_offset_s"],
-        time_offset_sigma_s=line["time_offset_sigma_s"],
-        mount_deg=line["mount_deg"],
-        mount_sigma_deg=line["mount_sigma_deg"],
-        status=line["status"],
-        mistake=line.get("mistake", ""),
-        parameters=msgspec.convert(line.get("parameters", []), list[ParameterReport]),
+        at_s=line.time_unix - start,
+        time_offset_s=line.time_offset_s,
+        time_offset_sigma_s=line.time_offset_sigma_s,
+        mount_deg=line.mount_deg,
+        mount_sigma_deg=line.mount_sigma_deg,
+        status=line.status,
+        mistake=line.mistake,
+        parameters=line.parameters,
     )

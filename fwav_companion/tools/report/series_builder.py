@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.recording.labels import display_name
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, PlaceObject, TargetLine
 from fwav_companion.recording.truth import Truth, TruthPoint
 from fwav_companion.tools.report.series_matching import (
     GroupedLines,
@@ -69,22 +69,22 @@ class _Reference(msgspec.Struct, frozen=True):
         columns = own_columns(targets, [self.distances_m(each, truths) for each in targets])
         return [None if column is None else truths[column] for column in columns]
 
-    def error_m(self, truth: Truth | None, line: Line, at: Line) -> float | None:
-        true = self.true_ned(truth, line["time_unix"])
+    def error_m(self, truth: Truth | None, line: TargetLine, at: TargetLine | PlaceObject) -> float | None:
+        true = self.true_ned(truth, line.time_unix)
         return None if true is None else _distance(at, true)
 
-    def points(self, lines: Sequence[Line], truth: Truth | None) -> list[SeriesPoint]:
+    def points(self, lines: Sequence[TargetLine], truth: Truth | None) -> list[SeriesPoint]:
         radii: dict[tuple[float, ...], float] = {}  # a target out of view keeps its covariance
         found = []
         for line in _thinned(lines, MOST_POINTS):
-            cov = line["cov"]
+            cov = line.cov
             flat = (cov[0][0], cov[0][1], cov[1][1])
             if flat not in radii:
                 radii[flat] = circle_radius(cov, 0.95)
             error_m = self.error_m(truth, line, line)
-            at_s = line["time_unix"] - self.start_unix
+            at_s = line.time_unix - self.start_unix
             found.append(
-                SeriesPoint(at_s=at_s, north=line["north"], east=line["east"], radius95_m=radii[flat], error_m=error_m)
+                SeriesPoint(at_s=at_s, north=line.north, east=line.east, radius95_m=radii[flat], error_m=error_m)
             )
         return found
 
@@ -130,9 +130,9 @@ def _without(truths: Sequence[LabelledTruth], owned: Sequence[LabelledTruth | No
 
 def _in_variants(
     targets: Sequence[GroupedLines], others: Sequence[ReplayedLines]
-) -> list[list[tuple[ReplayedLines, list[Line]]]]:
+) -> list[list[tuple[ReplayedLines, list[TargetLine]]]]:
     """The confirmed lines of the same target in each other variant."""
-    found: list[list[tuple[ReplayedLines, list[Line]]]] = [[] for _ in targets]
+    found: list[list[tuple[ReplayedLines, list[TargetLine]]]] = [[] for _ in targets]
     for other in others:
         theirs = [each for each in targets_of(other.lines) if each.confirmed]
         for variants, column in zip(found, assigned(final_distances_m(targets, theirs)), strict=True):
@@ -143,29 +143,29 @@ def _in_variants(
 def _series(
     target: GroupedLines,
     own: LabelledTruth | None,
-    variants: Sequence[tuple[ReplayedLines, list[Line]]],
+    variants: Sequence[tuple[ReplayedLines, list[TargetLine]]],
     reference: _Reference,
 ) -> TargetSeries:
     truth = None if own is None else own[1]
     shown = target.shown
     fixes = [
-        SeriesFix(line["time_unix"] - reference.start_unix, line["fix"]["north"], line["fix"]["east"],
-                  reference.error_m(truth, line, line["fix"]))
-        for line in target.lines if line["fix"]
-    ]  # fmt: skip
+        SeriesFix(line.time_unix - reference.start_unix, fix.north, fix.east, reference.error_m(truth, line, fix))
+        for line in target.lines
+        if (fix := line.fix) is not None
+    ]
     last = shown[-1] if shown else None
-    frames = [line["frame"] for line in target.lines if line["fix"]]
+    frames = [line.frame for line in target.lines if line.fix and line.frame is not None]
     ghost = bool(target.confirmed) and own is None and reference.has_truth
     return TargetSeries(
         name=target.name,
         points=reference.points(shown, truth),
         fixes=fixes,
-        cov=last["cov"] if last else None,
+        cov=last.cov if last else None,
         found=bool(target.confirmed) and not ghost,
         ghost=ghost,
-        true_ned=reference.true_ned(truth, last["time_unix"] if last else reference.start_unix),
+        true_ned=reference.true_ned(truth, last.time_unix if last else reference.start_unix),
         position_error_m=mean_position_error(reference.position_errors, frames),
-        place=(last["lat"], last["lon"]) if last and last.get("lat") is not None else None,
+        place=None if last is None else last.lat_lon,
         variants=[VariantSeries(other.name, other.kind, reference.points(lines, truth)) for other, lines in variants],
     )
 
@@ -189,7 +189,7 @@ def _truths(points: Iterable[TruthPoint]) -> list[LabelledTruth]:
     return found + [(label, Truth(path)) for label, path in moving.items()]
 
 
-def _thinned(lines: Sequence[Line], most: int) -> Sequence[Line]:
+def _thinned(lines: Sequence[TargetLine], most: int) -> Sequence[TargetLine]:
     """At most ``most`` of the lines, evenly chosen, with both ends."""
     if len(lines) <= most:
         return lines
@@ -197,8 +197,8 @@ def _thinned(lines: Sequence[Line], most: int) -> Sequence[Line]:
     return [lines[round(index * step)] for index in range(most)]
 
 
-def _distance(at: Line | Mapping[str, float], true: tuple[float, float]) -> float:
-    return hypot(at["north"] - true[0], at["east"] - true[1])
+def _distance(at: TargetLine | PlaceObject, true: tuple[float, float]) -> float:
+    return hypot(at.north - true[0], at.east - true[1])
 
 
 def _natural(name: str) -> tuple[str, int]:

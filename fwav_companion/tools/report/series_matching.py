@@ -12,10 +12,10 @@ import msgspec
 
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.recording.labels import display_names
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, TargetLine
 from fwav_companion.tracking.assignment import least_cost_assignment
+from fwav_companion.types import TrackState
 
-CONFIRMED_STATES = ("confirmed", "coasting")
 FORBIDDEN_M = 1e9
 """Assignment cost of a forbidden pair, metres: larger than any distance on Earth."""
 MOST_MATCHED = 60
@@ -33,44 +33,44 @@ class GroupedLines(msgspec.Struct, frozen=True):
     """Unique name for people; it has the track's number where several targets share the label."""
     shares_label: bool
     """Whether several targets have this label."""
-    lines: list[Line]
+    lines: list[TargetLine]
 
     @property
-    def confirmed(self) -> list[Line]:
+    def confirmed(self) -> list[TargetLine]:
         """The lines in which the target is confirmed or coasting."""
-        return [line for line in self.lines if line["state"] in CONFIRMED_STATES]
+        return [line for line in self.lines if line.is_confirmed]
 
     @property
-    def shown(self) -> list[Line]:
+    def shown(self) -> list[TargetLine]:
         """The lines to draw: the confirmed ones, or every line of a target that was never confirmed."""
-        return self.confirmed or [line for line in self.lines if line["state"] != "dropped"]
+        return self.confirmed or [line for line in self.lines if line.state is not TrackState.DROPPED]
 
 
 def targets_of(lines: Iterable[Line]) -> list[GroupedLines]:
     """The targets of a recording: one per label, or one per track where tracks of a label are confirmed together."""
-    by_label: dict[str, list[Line]] = {}
+    by_label: dict[str, list[TargetLine]] = {}
     for line in lines:
-        if line["type"] == "target":
-            by_label.setdefault(line["label"], []).append(line)
+        if isinstance(line, TargetLine):
+            by_label.setdefault(line.label, []).append(line)
     names = display_names(by_label)
     found = []
     for label, own in by_label.items():
         if not _confirmed_together(own):
             found.append(GroupedLines(label, names[label], False, own))
             continue
-        by_track: dict[int, list[Line]] = {}
+        by_track: dict[int, list[TargetLine]] = {}
         for line in own:
-            by_track.setdefault(line["track"], []).append(line)
+            by_track.setdefault(line.track, []).append(line)
         tracks = [GroupedLines(label, f"{names[label]} #{track}", True, each) for track, each in by_track.items()]
         found += [each for each in tracks if each.confirmed]
     return found
 
 
-def _confirmed_together(lines: Sequence[Line]) -> bool:
+def _confirmed_together(lines: Sequence[TargetLine]) -> bool:
     """Whether two tracks were confirmed at the same time."""
     track_at: dict[float, int] = {}
-    confirmed = (line for line in lines if line["state"] in CONFIRMED_STATES)
-    return any(track_at.setdefault(line["time_unix"], line["track"]) != line["track"] for line in confirmed)
+    confirmed = (line for line in lines if line.is_confirmed)
+    return any(track_at.setdefault(line.time_unix, line.track) != line.track for line in confirmed)
 
 
 def assigned(distances_m: Sequence[Sequence[float | None]]) -> list[int | None]:
@@ -124,7 +124,7 @@ def own_columns(targets: Sequence[GroupedLines], distances_m: Sequence[Sequence[
     def is_near(target: GroupedLines, row: Sequence[float | None], column: int) -> bool:
         if not target.shares_label and sum(each is not None for each in row) == 1:
             return True
-        claimed_m = circle_radius(target.shown[-1]["cov"], 0.95)
+        claimed_m = circle_radius(target.shown[-1].cov, 0.95)
         return (row[column] or 0.0) <= OWN_RADII * max(claimed_m, nearest_m[target.label])
 
     return [
@@ -139,13 +139,13 @@ def final_distances_m(ours: Sequence[GroupedLines], theirs: Sequence[GroupedLine
     Where several targets share a label, estimates from the same sightings are at most about twice the sum of their
     95 % radii apart.
     """
-    radii = [[circle_radius(each.confirmed[-1]["cov"], 0.95) for each in targets] for targets in (ours, theirs)]
+    radii = [[circle_radius(each.confirmed[-1].cov, 0.95) for each in targets] for targets in (ours, theirs)]
     table: list[list[float | None]] = []
     for our, our_radius_m in zip(ours, radii[0], strict=True):
         our_end, distances = our.confirmed[-1], list[float | None]()
         for their, their_radius_m in zip(theirs, radii[1], strict=True):
             their_end = their.confirmed[-1]
-            distance_m = hypot(their_end["north"] - our_end["north"], their_end["east"] - our_end["east"])
+            distance_m = hypot(their_end.north - our_end.north, their_end.east - our_end.east)
             near = distance_m <= 2.0 * (our_radius_m + their_radius_m)
             same = our.label == their.label and (near or not (our.shares_label or their.shares_label))
             distances.append(distance_m if same else None)

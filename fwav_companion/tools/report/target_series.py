@@ -8,7 +8,7 @@ from math import hypot
 import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line
 from fwav_companion.tools.report.true_vehicle_path import HorizontalError
 
 MOST_POINTS = 500

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, SightingLine
 
 HorizontalError = tuple[float, float]
 """North and east, estimate minus truth, metres."""
@@ -40,11 +40,11 @@ def position_errors(lines: Iterable[Line], path: TrueVehiclePath) -> dict[int, l
     """
     errors: dict[int, list[HorizontalError]] = {}
     for line in lines:
-        if line["type"] == "sighting" and line["reason"] is None and line["camera_ned"] is not None:
-            true = path.at(line["time_boot"])
-            if true is not None:
-                error = (line["camera_ned"][0] - true[0], line["camera_ned"][1] - true[1])
-                errors.setdefault(line["frame"], []).append(error)
+        if isinstance(line, SightingLine) and line.reason is None and line.camera_ned is not None:
+            true = None if line.time_boot is None else path.at(line.time_boot)
+            if true is not None and line.frame is not None:
+                error = (line.camera_ned[0] - true[0], line.camera_ned[1] - true[1])
+                errors.setdefault(line.frame, []).append(error)
     return errors
 
 

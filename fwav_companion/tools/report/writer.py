@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
 from fwav_companion.on_disk import open_regular, write_page
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_decoder import LinesRead, read_lines
+from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, SightingLine, TargetLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
     VARIANTS,
@@ -21,12 +24,11 @@ from fwav_companion.tools.report import (
     diagnostics,
     flight_data,
     page,
-    read_lines,
     variant_of,
 )
 from fwav_companion.tools.report.comparison import ConfigDifference
 
-VARIANT_LINES = ("target", "calibration")
+VARIANT_LINES = (TargetLine, CalibrationLine)
 """Types of the lines that a report draws of another variant."""
 
 
@@ -41,7 +43,7 @@ def other_variants(config: Config, replayed: Callable[[str, Config], Iterator[Li
         ReplayedLines(
             other.name,
             other.kind,
-            [line for line in replayed(other.name, other.applied_to(config)) if line["type"] in VARIANT_LINES],
+            [line for line in replayed(other.name, other.applied_to(config)) if isinstance(line, VARIANT_LINES)],
         )
         for other in others
     ]
@@ -59,8 +61,10 @@ class ReportWriter:
             self._lines.append(line)
             if sightings:
                 yield line
-            elif line["type"] != "sighting":
-                yield {key: line[key] for key in line if key != "innovation"} if "innovation" in line else line
+            elif isinstance(line, TargetLine):
+                yield msgspec.structs.replace(line, innovation=None)
+            elif not isinstance(line, SightingLine):
+                yield line
 
     def write(
         self,
@@ -81,17 +85,18 @@ class ReportWriter:
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
     """The path of the page that compares two targets files. InputFileError where a file cannot be read."""
-    (ours, our_damage), (theirs, their_damage) = _targets(first), _targets(second)
+    ours, theirs = _targets(first), _targets(second)
     flights: tuple[FlightData, FlightData] = (
-        flight_data(ours, title=first.name, truth=truth, others=[ReplayedLines("B", "own", theirs)]),
-        flight_data(theirs, title=second.name, truth=truth, others=[ReplayedLines("A", "own", ours)]),
+        flight_data(ours.lines, title=first.name, truth=truth, others=[ReplayedLines("B", "own", theirs.lines)]),
+        flight_data(theirs.lines, title=second.name, truth=truth, others=[ReplayedLines("A", "own", ours.lines)]),
     )
     notes = [
-        f"{path.name}: {damaged} damaged lines were left out."
-        for path, damaged in ((first, our_damage), (second, their_damage))
-        if damaged
+        f"{path.name}: {count} {words} were left out."
+        for path, read in ((first, ours), (second, theirs))
+        for count, words in ((read.damaged, "damaged lines"), (read.unknown, "lines of unknown types"))
+        if count
     ]
-    differences = _differences(ours[0]["config"], theirs[0]["config"])
+    differences = _differences(_configuration(ours), _configuration(theirs))
     return write_page(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
 
 
@@ -102,18 +107,22 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
     return str(first), str(second)
 
 
-def _targets(path: Path) -> tuple[list[Line], int]:
-    """The whole lines, the header first, and the number of damaged lines."""
+def _configuration(read: LinesRead) -> Mapping[str, Any]:
+    return read.lines[0].config if isinstance(read.lines[0], HeaderLine) else {}
+
+
+def _targets(path: Path) -> LinesRead:
+    """The whole lines, the header first."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
         with open_regular(path) as file:
-            lines, damaged = read_lines(file)
+            read = read_lines(file)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
-    if not lines or lines[0].get("type") != "header":
-        left_out = f" ({damaged} lines are not lines of such a file)" if damaged else ""
+    if not read.lines or not isinstance(read.lines[0], HeaderLine):
+        left_out = f" ({read.damaged} lines are not lines of such a file)" if read.damaged else ""
         raise InputFileError(f"{path}: its first line is not a header{left_out}; {accepted}")
-    return lines, damaged
+    return read
 
 
 def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[ConfigDifference]:

@@ -17,9 +17,9 @@ from fwav_companion.on_disk import content
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.error_statistics import CHI2_95
 from fwav_companion.recording.folder import DETECTIONS, TELEMETRY
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import Line, TargetLine
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import TruthPoint, parse_truth
-from fwav_companion.recording.truth_errors import CONFIRMED
 from fwav_companion.replay import TelemetryRead, join, replay
 from fwav_companion.replay.telemetry_files import load_telemetry
 from fwav_companion.service.configured_files import load_calibration, load_elevation, recorded_configuration
@@ -89,25 +89,16 @@ class RecordedWorker:
 def measures_of(flight: str, setting: int, lines: Iterator[Line]) -> SettingRecord:
     """The measures from the lines of a replay with sightings."""
     squares, offsets, last = list[float](), list[float](), dict[int, float]()
-    summary: Line = {}
-    for line in lines:
-        if line["type"] == "summary":
-            summary = line
-        elif line["type"] == "target" and line["state"] in CONFIRMED:
-            last[line["track"]] = sqrt(CHI2_95) * semi_axes(line["cov"])[0]
-            fix = line["fix"]
-            if fix is not None:
-                offsets.append(hypot(fix["north"] - line["north"], fix["east"] - line["east"]) ** 2)
-            if "innovation" in line:
-                squares.append(line["innovation"]["distance2"])
     errors, unanswered = None, None
-    if "errors" in summary:
-        targets = summary["errors"]["targets"]
-        found = [each["final_m"] for each in targets if each["final_m"] is not None]
-        errors = median(found) if found else None
-        unanswered = 1.0 - len(found) / len(targets)
-    elif summary["detections"]:
-        unanswered = 1.0 - summary["fixes"] / summary["detections"]
+    for line in lines:
+        if isinstance(line, TargetLine) and line.is_confirmed:
+            last[line.track] = sqrt(CHI2_95) * semi_axes(line.cov)[0]
+            if line.fix is not None:
+                offsets.append(hypot(line.fix.north - line.north, line.fix.east - line.east) ** 2)
+            if line.innovation is not None:
+                squares.append(line.innovation.distance2)
+        elif isinstance(line, SummaryLine):
+            errors, unanswered = _errors_of(line)
     return SettingRecord(
         flight=flight,
         setting=setting,
@@ -117,6 +108,15 @@ def measures_of(flight: str, setting: int, lines: Iterator[Line]) -> SettingReco
         nis=fmean(squares) if squares else None,
         unanswered=unanswered,
     )
+
+
+def _errors_of(summary: SummaryLine) -> tuple[float | None, float | None]:
+    """Median final error, metres, and the share without an answer: of the true targets, else of the detections."""
+    if summary.errors is not None:
+        targets = summary.errors.targets
+        found = [each.final_m for each in targets if each.final_m is not None]
+        return median(found) if found else None, 1.0 - len(found) / len(targets)
+    return None, 1.0 - summary.fixes / summary.detections if summary.detections else None
 
 
 def replay_on_worker(worker: RecordedWorker, flight: str, setting: int) -> bytes:

@@ -10,13 +10,14 @@ from math import sqrt
 from typing import Any
 
 from fwav_companion.camera import Calibration
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.ellipses import semi_axes
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.error_statistics import CHI2_95, ErrorSample
-from fwav_companion.recording.lines import Line
+from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, OriginLine, TargetLine
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import Truth, TruthPoint, parse_truth
-from fwav_companion.recording.truth_errors import CONFIRMED, ErrorTally, error_sample
+from fwav_companion.recording.truth_errors import ErrorTally, error_sample
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.tools.study.flight_draw import FlightDraw, draw_flight
 from fwav_companion.tools.study.flight_record import DRAWN, FOUND, POINTS, FlightRecord
@@ -59,56 +60,58 @@ class FlightAnswer:
         self._tracks: dict[int, list[tuple[float, ErrorSample, float, float, float]]] = {}
         self._calibrated_s: float | None = None
         self._calibration = self._calibration_lacks = ""
-        self._summary: Line = {}
+        self._summary: SummaryLine | None = None
 
     def add(self, line: Line) -> None:
         """Process the next line of a targets file."""
-        kind = line["type"]
         self._tally.add(line)
-        if kind in ("header", "origin") and line["origin"] is not None:
-            origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
-        elif kind == "target" and line["state"] in CONFIRMED:
-            self._add_target(line)
-        elif kind == "calibration":
-            self._calibration, self._calibration_lacks = line["status"], line["reason"] or ""
-            if self._calibrated_s is None and line["status"] == "calibrated":
-                self._calibrated_s = line["time_unix"] - self._start_s
-        elif kind == "summary":
-            self._summary = line
+        match line:
+            case HeaderLine(origin=origin) | OriginLine(origin=origin) if origin is not None:
+                self._plane = origin.plane
+            case TargetLine() if line.is_confirmed:
+                self._add_target(line)
+            case CalibrationLine():
+                self._calibration, self._calibration_lacks = line.status, line.reason or ""
+                if self._calibrated_s is None and line.status == "calibrated":
+                    self._calibrated_s = line.time_unix - self._start_s
+            case SummaryLine():
+                self._summary = line
 
-    def _add_target(self, line: Line) -> None:
-        true_ned = self._truth.ned_at(line["time_unix"], self._plane)
+    def _add_target(self, line: TargetLine) -> None:
+        true_ned = self._truth.ned_at(line.time_unix, self._plane)
         if true_ned is None:
             return
-        claimed95_m = sqrt(CHI2_95) * semi_axes(line["cov"])[0]
-        north, east = line["north"] - true_ned[0], line["east"] - true_ned[1]
-        sample = (line["time_unix"] - self._start_s, error_sample(true_ned, line), claimed95_m, north, east)
-        self._tracks.setdefault(line["track"], []).append(sample)
+        claimed95_m = sqrt(CHI2_95) * semi_axes(line.cov)[0]
+        north, east = line.north - true_ned[0], line.east - true_ned[1]
+        sample = (line.time_unix - self._start_s, error_sample(true_ned, line), claimed95_m, north, east)
+        self._tracks.setdefault(line.track, []).append(sample)
 
     def record(self, draw: FlightDraw, flown: FlownFlight) -> FlightRecord:
         """The record; the target's track is the one that the summary assigned to it."""
         (target,), ghosts = self._tally.targets()
-        common = {
+        summary = self._summary
+        if summary is None:
+            raise ValueError("the lines have no summary")
+        common: dict[str, Any] = {
             "index": draw.index,
             "arm": draw.arm,
             "varied": draw.varied,
             "flown": draw.flown,
             "drawn": _drawn(flown.biases),
-            "state": target["state"],
+            "state": target.state,
             "calibrated_s": self._calibrated_s,
             "calibration": self._calibration,
             "calibration_lacks": self._calibration_lacks,
             "ghosts": ghosts,
             "frames": flown.frames,
             "in_view": flown.in_view,
-            "fixes": self._summary["fixes"],
+            "fixes": summary.fixes,
         }
-        if target["state"] != FOUND:
-            return FlightRecord(**common, no_answer=_why(self._summary, flown))
-        series = self._tracks[target["track"]]
+        if target.state != FOUND:
+            return FlightRecord(**common, no_answer=_why(summary, flown))
+        series = self._tracks[target.track or 0]
         _, sample, claimed95_m, north, east = series[-1]
-        limits = self._summary["limits"].get(target["track"], {})
+        limits = (summary.limits or {}).get(target.track or 0, {})
         return FlightRecord(
             **common,
             no_answer="",
@@ -144,7 +147,7 @@ def _drawn(biases: dict[str, Any]) -> dict[str, float]:
     return {name: spread[name] if name in spread else biases[name] for name in DRAWN}
 
 
-def _why(summary: Line, flown: FlownFlight) -> str:
+def _why(summary: SummaryLine, flown: FlownFlight) -> str:
     """The most likely reason why there is no answer, as a name.
 
     A reason that dropped most of the pictures or detections; those of the first seconds, before the clock is known, are
@@ -152,9 +155,8 @@ def _why(summary: Line, flown: FlownFlight) -> str:
     """
     if flown.in_view < FEW_PICTURES:
         return "never_in_view"
-    frames: dict[str, int] = summary["dropped_frames"]
-    detections: dict[str, int] = summary["dropped_detections"]
-    for dropped, kept in ((frames, flown.frames - sum(frames.values())), (detections, summary["fixes"])):
+    frames, detections = summary.dropped_frames, summary.dropped_detections
+    for dropped, kept in ((frames, flown.frames - sum(frames.values())), (detections, summary.fixes)):
         if sum(dropped.values()) > kept:
             return max(sorted(dropped), key=lambda reason: dropped[reason])
     return "not_confirmed"

@@ -26,8 +26,8 @@ def test_every_tag_that_was_readable_is_found_where_it_was_claimed(flight):
 def test_what_was_seen_was_used(flight):
     companion, _ = flight
     summary = companion.lines[-1]
-    assert summary["fixes"] > 20
-    assert set(summary["dropped"]) <= {"no_clock"}
+    assert summary.fixes > 20
+    assert set(summary.dropped) <= {"no_clock"}
 
 
 def test_the_detector_places_tags_as_surely_as_it_claims(flight):

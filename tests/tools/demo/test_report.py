@@ -3,9 +3,12 @@
 import re
 from html.parser import HTMLParser
 
+import msgspec
 import pytest
 
 from fwav_companion.recording.labels import display_name
+from fwav_companion.recording.line_types import OriginObject, TargetLine
+from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.demo.demo_report import true_path
 from fwav_companion.tools.report import (
@@ -104,7 +107,7 @@ def test_the_errors_are_against_the_truth(drawn, flight):
         assert one.true_ned == pytest.approx(target.at(0.0)[:2])
         for line, point in zip(companion.targets(target.label)[-1:], one.points[-1:], strict=True):
             true = target.at(0.0)
-            expected = ((line["north"] - true[0]) ** 2 + (line["east"] - true[1]) ** 2) ** 0.5
+            expected = ((line.north - true[0]) ** 2 + (line.east - true[1]) ** 2) ** 0.5
             assert point.error_m == pytest.approx(expected)
 
 
@@ -112,20 +115,22 @@ def test_without_a_truth_a_picture_or_a_world_there_is_still_a_page(flight):
     companion, _ = flight
     html = checked(page(flight_data(companion.lines, title="As flown")))
     assert "error on the map" not in html
-    relative = [{**companion.lines[0], "origin": None}, *companion.lines[1:]]
+    relative = [msgspec.structs.replace(companion.lines[0], origin=None), *companion.lines[1:]]
     checked(page(flight_data(relative, title="Relative")))
 
 
 def test_a_flight_that_saw_nothing_has_a_page(flight):
     header = flight[0].lines[0]
-    summary = {"type": "summary", "frames": 0, "detections": 0, "fixes": 0, "dropped": {}}
+    summary = SummaryLine(frames=0, detections=0, fixes=0, dropped={})
     html = checked(page(flight_data([header, summary], title="Nothing")))
     assert "Frames: 0 read, 0 refused." in html
 
 
 def test_text_of_a_recording_is_never_markup(flight):
     evil = '"><script>alert(1)</script>'
-    lines = [{**line, "label": evil} if line["type"] == "target" else line for line in flight[0].lines]
+    lines = [
+        msgspec.structs.replace(line, label=evil) if isinstance(line, TargetLine) else line for line in flight[0].lines
+    ]
     picture = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])
     checked(page(flight_data(lines, title=evil, picture=picture, hidden={evil: evil}, notes=[evil])))
 
@@ -137,8 +142,8 @@ def test_the_true_path_is_about_the_recordings_origin_whatever_the_mocks():
         {"type": "header", "origin": mocks},
         {"type": "vehicle", "boot_ns": 2_000_000_000, "position": [150.0, 20.0, -9.0]},
     ]
-    path = true_path(truth, {"lat": 48.001, "lon": 11.0, "alt_amsl": 503.0})
+    path = true_path(truth, OriginObject(48.001, 11.0, 503.0))
     assert path.times_boot_s == [2.0]
     assert path.positions_ned[0] == pytest.approx((150.0 - 111.2, 20.0, -6.0), abs=0.05)
-    assert true_path(truth, mocks).positions_ned[0] == pytest.approx((150.0, 20.0, -9.0))
+    assert true_path(truth, OriginObject(**mocks)).positions_ned[0] == pytest.approx((150.0, 20.0, -9.0))
     assert true_path(truth, None).positions_ned[0] == (150.0, 20.0, -9.0)

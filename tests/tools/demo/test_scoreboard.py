@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import report_lines
 
 from fwav_companion.__main__ import main
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
@@ -23,9 +24,7 @@ def truth(**places):
 
 
 def target(number: int, north: float, east: float, state: str = "confirmed", track: int = 1):
-    cov = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1]]
-    place = {"north": north, "east": east, "cov": cov}
-    return {"type": "target", "label": f"tag36h11:{number}", "state": state, "track": track, **place}
+    return report_lines.target(0.0, north, east, label=f"tag36h11:{number}", state=state, track=track)
 
 
 def pictures(number: int, count: int, *, delivered: bool = True, usable: bool = True):
@@ -36,7 +35,7 @@ def pictures(number: int, count: int, *, delivered: bool = True, usable: bool = 
 def board() -> Scoreboard:
     board = Scoreboard()
     board.take_truth(truth(t7=(10.0, 5.0), t3=(0.0, 0.0)))
-    board.take_targets([{"type": "header", "origin": ORIGIN}])
+    board.take_targets([report_lines.header(origin=ORIGIN)])
     return board
 
 

@@ -4,8 +4,10 @@ import random
 import re
 
 import pytest
+from msgspec.structs import replace
 from report_lines import Markup, approach, clock, header, summary
 
+from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.tools.report import diagnostics, flight_data, page
 from fwav_companion.tools.report.clock_section import clock_drift, settled_clock
 
@@ -25,8 +27,8 @@ def text_of(lines):
 def test_the_drift_is_fitted_to_the_settled_clock_alone():
     """The first estimates, before the clock is settled, are off by milliseconds: first minus last says -134 us/s."""
     begin = [clock(float(at_s), 600.0035 - 0.0004 * at_s, 3e-4, status="settling") for at_s in (-2, -1)]
-    assert 1e6 * (settled()[-1]["host_from_autopilot_s"] - begin[0]["host_from_autopilot_s"]) / 31.0 < -130.0
-    slow = [line | {"host_from_autopilot_s": 1200.0 - line["host_from_autopilot_s"]} for line in settled()]
+    assert 1e6 * (settled()[-1].host_from_autopilot_s - begin[0].host_from_autopilot_s) / 31.0 < -130.0
+    slow = [replace(line, host_from_autopilot_s=1200.0 - line.host_from_autopilot_s) for line in settled()]
     for lines, verb in (([*begin, *settled()], "gains"), (slow, "loses")):
         words = rf"clock {verb} ([\d.]+) ± ([\d.]+) µs per second \(95 %, line fit\)"
         ((drift, width),) = re.findall(words, text_of(lines))
@@ -72,5 +74,5 @@ def test_uncertainty_is_95_percent_and_never_beyond_the_hard_bound():
     lines = [header(), *approach([0.0]), *[clock(float(at_s), 600.0, 2e-4) for at_s in range(9)], summary()]
     text = Markup(page(flight_data(lines, title=""))).text
     assert "was known to 0.39 ms (95 %); its hard bound was 1 ms." in text
-    wide = [line | {"sigma_s": 9e-4} if line["type"] == "clock" else line for line in lines]
+    wide = [replace(line, sigma_s=9e-4) if isinstance(line, ClockEstimateLine) else line for line in lines]
     assert "was known to 1 ms (95 %)" in Markup(page(flight_data(wide, title=""))).text

@@ -5,6 +5,7 @@ import re
 import pytest
 from report_lines import Markup, approach, calibration, clock, header, sighting, summary, target
 
+from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
     CALIBRATED,
@@ -30,21 +31,21 @@ DRAWN = ("points", "x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "width", "
 
 def lines_of(label="mark", status="time", reason="no_clock", **head):
     """A recording that contains every kind of line."""
-    fix = {"north": 100.2, "east": -50.1, "cov": []}
+    fix = {"north": 100.2, "east": -50.1}
     yield header(origin=ORIGIN, **head)
     for second in range(20):
         at_s = float(second)
-        yield target(at_s, 100.0 + 0.1 * second, -50.0, label=label, fix=fix, lat=48.0, lon=11.0) | {
-            "innovation": {"north": 0.2, "east": -0.1, "distance2": 0.1 * second}
-        }
+        innovation = {"north": 0.2, "east": -0.1, "distance2": 0.1 * second}
+        place = {"lat": 48.0, "lon": 11.0, "fix": fix, "innovation": innovation}
+        yield target(at_s, 100.0 + 0.1 * second, -50.0, label=label, **place)
         yield sighting(at_s, dict.fromkeys(CAUSES, 0.1), gap_s=0.002 * second, camera_ned=[0.0, at_s, -10.0])
         yield clock(at_s, 600.0 + 1e-6 * second, 1e-4)
-        yield calibration(at_s, 0.001 * second, 0.002, [0.1, 0.2, 0.3], 0.1) | {"status": status}
+        yield calibration(at_s, 0.001 * second, 0.002, [0.1, 0.2, 0.3], 0.1, status=status)
     yield summary(dropped={reason: 3})
 
 
 def flight_of(lines, **other):
-    truth = [TruthPoint(line["label"], None, (100.0, -50.0, 0.0), None) for line in lines if line["type"] == "target"]
+    truth = [TruthPoint(line.label, None, (100.0, -50.0, 0.0), None) for line in lines if isinstance(line, TargetLine)]
     return flight_data(lines, title="T", variant=CALIBRATED, truth=truth[:1], **other)
 
 
@@ -158,7 +159,7 @@ def test_a_light_page_and_a_dark_one_name_every_colour():
 
 def test_innovations_are_drawn_north_and_east():
     drawn_m = [{"north": 0.5 if second % 2 else -0.5, "east": -0.25, "distance2": 1.0} for second in range(60)]
-    lines = [target(float(second), 100.0, -50.0) | {"innovation": each} for second, each in enumerate(drawn_m)]
+    lines = [target(float(second), 100.0, -50.0, innovation=each) for second, each in enumerate(drawn_m)]
     lines = [header(), *lines, summary()]
     drawn = Markup(diagnostics(lines)[0])
     north, east = ([float(each["cy"]) for each in drawn.of(kind)] for kind in ("fix", "east"))

@@ -141,7 +141,7 @@ def test_a_page_of_a_hundred_targets_draws_those_that_were_seen_most():
 
 
 def test_a_gross_mistake_of_the_mount_is_said_first_also_where_only_another_variant_found_it():
-    wrong = calibration(1.0, 0.0, 0.01, [0.0] * 3, 1.0) | {"mistake": "the image is upside down"}
+    wrong = calibration(1.0, 0.0, 0.01, [0.0] * 3, 1.0, mistake="the image is upside down")
     lines = [header(), *approach([0.0])]
     for flight in (
         flight_of(*lines, wrong, wrong, summary(), variant=CALIBRATED),

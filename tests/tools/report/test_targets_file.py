@@ -2,14 +2,26 @@
 
 import json
 
+import msgspec
 import pytest
 from report_lines import approach, calibration, header, summary, target
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.tools.report.targets_file import read_lines
+from fwav_companion.recording.line_decoder import read_lines
+from fwav_companion.recording.line_types import TargetLine
+from fwav_companion.recording.lines import encode_line
 from fwav_companion.tools.report.writer import write_comparison
 
-WHOLE = [header(), *approach([1.0, 0.5, 0.2]), calibration(3.0, 0.01, 0.001, [0.0, 0.1, 0.2], 0.1), summary()]
+WHOLE = [
+    msgspec.to_builtins(line)
+    for line in (
+        header(),
+        *approach([1.0, 0.5, 0.2]),
+        calibration(3.0, 0.01, 0.001, [0.0, 0.1, 0.2], 0.1),
+        summary(),
+    )
+]
+TARGET = msgspec.to_builtins(target(1.0, 100.0, -50.0))
 
 
 def file_of(folder, name, lines, end=b""):
@@ -34,22 +46,33 @@ def test_a_file_that_a_power_cut_left_is_read_to_its_last_whole_line(tmp_path):
     ids=str,
 )  # fmt: skip
 def test_a_line_that_is_no_target_is_left_out_and_counted(damage, tmp_path):
-    lines = [*WHOLE[:2], target(1.0, 100.0, -50.0) | damage, *WHOLE[2:]]
-    read, damaged = read_lines([json.dumps(line).encode() for line in lines])
-    assert (len(read), damaged) == (len(WHOLE), 1)
+    lines = [*WHOLE[:2], TARGET | damage, *WHOLE[2:]]
+    read = read_lines([json.dumps(line).encode() for line in lines])
+    assert (len(read.lines), read.damaged, read.unknown) == (len(WHOLE), 1, 0)
     path = file_of(tmp_path, "t.jsonl", lines)
     assert "nan" not in write_comparison(tmp_path, path, path, []).read_text()
 
 
-@pytest.mark.parametrize("key", sorted({*target(0.0, 0.0, 0.0)} - {"type", "lat", "lon", "down"}))
+@pytest.mark.parametrize("key", ["time_unix", "frame", "track", "label", "state", "north", "east", "cov", "fix"])
 def test_nothing_that_a_report_needs_may_be_missing(key):
-    line = target(0.0, 0.0, 0.0)
-    del line[key]
-    assert read_lines([json.dumps(line).encode()]) == ([], 1)
+    line = {name: value for name, value in TARGET.items() if name != key}
+    read = read_lines([json.dumps(line).encode()])
+    assert (read.lines, read.damaged) == ([], 1)
 
 
-def test_a_kind_of_line_that_is_not_known_is_no_damage():
-    assert read_lines([b'{"type":"home","down":1.0}', b"", b"\n"]) == ([{"type": "home", "down": 1.0}], 0)
+def test_line_of_an_unknown_type_is_passed_over_and_counted_as_no_damage(tmp_path):
+    unknown = b'{"type":"weather","wind_m_s":1.0}'
+    read = read_lines([unknown, b"", b"\n", json.dumps(TARGET).encode()])
+    assert (len(read.lines), read.damaged, read.unknown) == (1, 0, 1)
+    newer = file_of(tmp_path, "newer.jsonl", WHOLE, unknown + b"\n")
+    html = write_comparison(tmp_path, file_of(tmp_path, "whole.jsonl", WHOLE), newer, []).read_text()
+    assert "newer.jsonl: 1 lines of unknown types were left out." in html
+
+
+def test_unknown_fields_are_ignored_and_a_line_keeps_its_bytes():
+    (line,) = read_lines([json.dumps({**TARGET, "wind_m_s": 1.0, "fix": None}).encode()]).lines
+    assert isinstance(line, TargetLine)
+    assert encode_line(line) == json.dumps(TARGET, separators=(",", ":")).encode() + b"\n"
 
 
 @pytest.mark.parametrize(

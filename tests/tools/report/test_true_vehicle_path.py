@@ -1,6 +1,7 @@
 """The error of the vehicle's position is common to all targets: it is found from the sightings and the true path."""
 
 import pytest
+import report_lines
 
 from fwav_companion.tools.report.true_vehicle_path import TrueVehiclePath, mean_position_error, position_errors
 
@@ -8,12 +9,11 @@ PATH = TrueVehiclePath([1.0, 2.0, 3.0], [(0.0, 0.0, -10.0), (10.0, -4.0, -10.0),
 
 
 def sighting(at_s, north, east, reason=None, frame=1):
-    place = [north, east, -9.0]
-    return {"type": "sighting", "time_boot": at_s, "camera_ned": place, "reason": reason, "frame": frame}
+    return report_lines.sighting(at_s, camera_ned=[north, east, -9.0], reason=reason, frame=frame)
 
 
 def test_it_is_estimate_minus_truth_on_the_mean():
-    lines = [{"type": "header"}, sighting(1.5, 5.5, -1.0), sighting(2.25, 10.5, -1.0, frame=2)]
+    lines = [report_lines.header(), sighting(1.5, 5.5, -1.0), sighting(2.25, 10.5, -1.0, frame=2)]
     errors = position_errors(lines, PATH)
     assert mean_position_error(errors) == pytest.approx((0.5, 0.75))
     assert mean_position_error(errors, [2]) == pytest.approx((0.5, 0.5))

@@ -15,9 +15,9 @@ def test_a_click_on_the_ground_becomes_the_selected_target():
     assert companion.seen["found"] >= 0.95 * companion.seen["in view"] > 8
     assert max(companion.pixel_errors) < 3.0
     error_m = final_error_m(companion)
-    last = [line for line in companion.targets(CLICK_LABEL) if line["state"] in ("confirmed", "coasting")][-1]
+    last = [line for line in companion.targets(CLICK_LABEL) if line.is_confirmed][-1]
     assert error_m is not None
-    assert error_m < circle_radius(last["cov"], 0.999)
+    assert error_m < circle_radius(last.cov, 0.999)
     selected = companion.pipeline._components.publisher.selected
     assert selected is not None
     assert selected.label == CLICK_LABEL

@@ -1,0 +1,254 @@
+"""The lines of a targets file (schema 1), one Struct for each type. PURE.
+
+``run``, ``replay`` and ``demo`` write them, ``line_decoder`` reads them. The order of the fields is that of the file's
+keys. A field with a plain default (None, "", ()) is absent from the file where it has that value; a field of
+:func:`absent` is always written, and files of earlier versions may lack it. Unknown fields are ignored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.rotations import Quaternion
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.recording.summary_types import SummaryLine
+from fwav_companion.types import TrackState
+from fwav_companion.types.flight_status import ParameterReport
+
+SCHEMA = 1
+PlausibleMetres = Annotated[float, msgspec.Meta(ge=-1e8, le=1e8)]
+"""A distance from an origin, metres; the limit is several times the Earth's diameter."""
+
+
+def absent() -> None:
+    """None of a field that a file lacks: ``omit_defaults`` leaves out plain defaults alone."""
+
+
+def no_table() -> dict[str, Any]:
+    """An empty table that is written nevertheless."""
+    return {}
+
+
+class OriginObject(msgspec.Struct, frozen=True):
+    """The place of NED's zero, degrees and metres."""
+
+    lat: float
+    lon: float
+    alt_amsl: float | None
+    """Metres above mean sea level; None where altitudes count from the take-off."""
+
+    @property
+    def plane(self) -> TangentPlane:
+        """NED about the origin; an altitude that is not known counts as 0."""
+        return TangentPlane(self.geodetic)
+
+    @property
+    def geodetic(self) -> Geodetic:
+        """The place; an altitude that is not known counts as 0."""
+        return Geodetic.from_degrees(self.lat, self.lon, self.alt_amsl or 0.0)
+
+
+class HeaderLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="header"):
+    """The first line."""
+
+    schema: int = SCHEMA
+    version: str
+    origin: OriginObject | None
+    """None: not known when the header was written."""
+    unix_offset_s: float
+    """Recording's clock minus the host's monotonic clock, seconds."""
+    config: Mapping[str, Any] = msgspec.field(default_factory=no_table)
+    """The configuration by table and key, without secrets."""
+
+
+class OriginLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="origin"):
+    """An origin that became known after the header was written; also where a global position is lost or comes back."""
+
+    time_unix: float | None = msgspec.field(default_factory=absent)
+    origin: OriginObject | None
+    lat: float | None = msgspec.field(default_factory=absent)
+    lon: float | None = msgspec.field(default_factory=absent)
+    alt_amsl: float | None = msgspec.field(default_factory=absent)
+    yaw_deg: float | None = msgspec.field(default_factory=absent)
+    """Yaw of NED's north in the autopilot's."""
+
+
+class HomeLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="home"):
+    """A change of the home surface."""
+
+    time_unix: float | None = msgspec.field(default_factory=absent)
+    down: float
+    """Home surface in NED, metres."""
+
+
+class TerrainLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="terrain"):
+    """A shift of the elevation model to the take-off height."""
+
+    time_unix: float
+    shift_m: float
+    sigma_m: float
+    source: str
+
+
+class ClockEstimateLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="clock"):
+    """The clock estimate, once a second."""
+
+    time_monotonic: float
+    time_boot: float
+    host_from_autopilot_s: float
+    """Host clock minus the autopilot's, seconds."""
+    sigma_s: float
+    bound_s: float
+    """Hard bound of the error, seconds."""
+    round_trip_s: float | None = msgspec.field(default_factory=absent)
+    rate: float | None = msgspec.field(default_factory=absent)
+    """Seconds of the host's clock in a second of the autopilot's."""
+    utc_minus_time_unix_s: float | None = msgspec.field(default_factory=absent)
+    status: str = ""
+
+
+class CalibrationLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type",
+                      tag="calibration"):  # fmt: skip
+    """The state of self-calibration, once a second."""
+
+    time_unix: float
+    time_offset_s: float
+    """Total delay, the configured one included, seconds."""
+    time_offset_sigma_s: float
+    mount_deg: Vector3
+    """Mount correction, a rotation vector about the body axes, degrees."""
+    mount_sigma_deg: Vector3
+    status: str
+    reason: str | None = msgspec.field(default_factory=absent)
+    """What is missing; None when calibrated."""
+    parameters: tuple[ParameterReport, ...] = ()
+    """Status of each parameter, where the smoother estimates."""
+    mistake: str = ""
+    """A gross error of the mount."""
+
+
+class BudgetObject(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One sigma of the horizontal position by cause, metres: :class:`~fwav_companion.types.ErrorBudget`."""
+
+    pixel: float
+    attitude: float
+    heading: float
+    height: float
+    time: float
+    mount: float
+    position: float
+    terrain: float
+    target: float | None = None
+    """Height of a standing target, only where the target has one."""
+
+
+class SightingLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="sighting"):
+    """One detection, used or not."""
+
+    frame: int | None
+    index: int
+    """Index of the detection in its frame."""
+    time_boot: float | None
+    ray_ned: Vector3 | None = msgspec.field(default_factory=absent)
+    """Unit vector from the camera, NED."""
+    camera_ned: Vector3 | None
+    q_ned_body: Quaternion | None = msgspec.field(default_factory=absent)
+    q_ned_gimbal: Quaternion | None = None
+    gap_s: float | None
+    """Time to the nearest attitude, seconds."""
+    reason: str | None
+    """Why it gave no fix; None: it gave one."""
+    budget: BudgetObject | None
+    ground_ned: Vector3 | None = msgspec.field(default_factory=absent)
+    """Place on the ground, NED, metres."""
+    noise_cov: Matrix3 | None = msgspec.field(default_factory=absent)
+    """Covariance of the fix's noise alone, NED, m^2."""
+
+
+class PlaceObject(msgspec.Struct, frozen=True, kw_only=True):
+    """A place in NED, metres, with its covariance, m^2: of a fix, or of a target minus the vehicle."""
+
+    north: PlausibleMetres
+    east: PlausibleMetres
+    down: PlausibleMetres
+    cov: Matrix3
+
+
+class InnovationObject(msgspec.Struct, frozen=True, kw_only=True):
+    """A fix minus the prediction of its target, metres."""
+
+    north: PlausibleMetres
+    east: PlausibleMetres
+    distance2: Annotated[float, msgspec.Meta(ge=0.0)]
+    """Normalised innovation squared, 2 degrees of freedom."""
+
+
+class TargetLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="target"):
+    """State of one live track after one processed frame."""
+
+    time_unix: float
+    time_boot: float | None = msgspec.field(default_factory=absent)
+    frame: int | None
+    track: int
+    label: str
+    state: TrackState
+    reason: str | None = None
+    """Why the track was dropped."""
+    replaced_by: int | None = None
+    """Track that this one was merged into."""
+    north: PlausibleMetres
+    """NED, metres."""
+    east: PlausibleMetres
+    down: PlausibleMetres
+    lat: float | None = msgspec.field(default_factory=absent)
+    lon: float | None = msgspec.field(default_factory=absent)
+    alt_amsl: float | None = msgspec.field(default_factory=absent)
+    cov: Matrix3
+    """By every source of error, NED, m^2."""
+    vel: Vector3 | None = msgspec.field(default_factory=absent)
+    vel_cov: Matrix3 | None = msgspec.field(default_factory=absent)
+    relative: PlaceObject | None = msgspec.field(default_factory=absent)
+    """Target minus vehicle at this capture; None without a position of the vehicle."""
+    fix: PlaceObject | None
+    """The fix of this frame alone."""
+    innovation: InnovationObject | None = None
+    alt_takeoff: float | None = None
+    """Metres above the take-off, where the altitude of that is not known."""
+
+    @property
+    def lat_lon(self) -> tuple[float, float] | None:
+        """Latitude and longitude, degrees; None without a global position."""
+        return None if self.lat is None or self.lon is None else (self.lat, self.lon)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the target is confirmed, seen recently or coasting."""
+        return self.state in (TrackState.CONFIRMED, TrackState.COASTING)
+
+
+Line: TypeAlias = (
+    HeaderLine
+    | OriginLine
+    | HomeLine
+    | TerrainLine
+    | ClockEstimateLine
+    | CalibrationLine
+    | SightingLine
+    | TargetLine
+    | SummaryLine
+)
+"""Any line of a targets file."""
+
+
+def line_unix_s(line: Line, unix_offset_s: float) -> float | None:
+    """Time of a line on the recording's clock, seconds; None for lines without a time. The offset is the header's."""
+    match line:
+        case ClockEstimateLine():
+            return line.time_monotonic + unix_offset_s
+        case HeaderLine() | SightingLine() | SummaryLine():
+            return None
+    return line.time_unix
