@@ -77,8 +77,8 @@ def test_an_upside_down_camera_is_named_and_nothing_is_estimated():
     flown = fly(scenario("upside_down").but({"seconds": 20.0, "seed": 1}), ("tracking.self_calibration=true",))
     assert flown.companion.codes.count(NoticeCode.MOUNT_MISTAKE) == 1
     lines = [line for line in flown.companion.lines if isinstance(line, CalibrationLine)]
-    assert any("upside down" in line.get("mistake", "") for line in lines)
-    assert "mistake" not in lines[0]
+    assert any("upside down" in line.mistake for line in lines)
+    assert not lines[0].mistake
 
 
 def test_errors_within_their_priors_are_no_mistake_of_the_mount():
