@@ -1,7 +1,6 @@
 """report.html and compare.html of replays: whole, self-contained, and with the right numbers in them."""
 
 import contextlib
-import json
 import os
 import pty
 import re
@@ -14,7 +13,9 @@ import pytest
 from commands import run_command
 from flying import CAMERA, LINK, fly
 from lxml import html
+from report_lines import BEGUN, target
 
+from fwav_companion.recording.line_decoder import read_lines
 from fwav_companion.tools.report.diagnostics import EXPECTED_NIS, NIS_95, innovations
 from sitl_mock import scenario
 
@@ -106,15 +107,18 @@ def test_a_report_changes_nothing_in_what_is_said(site):
 
 def test_a_report_holds_the_innovations_of_the_targets_file():
     innovation = {"north": 0.25, "east": -0.5, "distance2": 3.5}
-    line = {"type": "target", "state": "confirmed", "time_unix": 12.0}
-    lines = [line, line | {"innovation": innovation}, line | {"state": "tentative", "innovation": innovation}]
-    assert [msgspec.structs.astuple(each) for each in innovations(lines, 10.0)] == [(2.0, 0.25, -0.5, 3.5)]
+    lines = [
+        target(2.0, 0.0, 0.0),
+        target(2.0, 0.0, 0.0, innovation=innovation),
+        target(2.0, 0.0, 0.0, innovation=innovation, state="tentative"),
+    ]
+    assert [msgspec.structs.astuple(each) for each in innovations(lines, BEGUN)] == [(2.0, 0.25, -0.5, 3.5)]
 
 
 def test_normalised_squares_are_about_two_where_nothing_is_worse_than_configured(site):
     """Normalised squares of one flight whose errors were drawn from its configuration."""
     assert replay(site, "--out", "s.jsonl", "--sightings").returncode == 0
-    lines = [json.loads(line) for line in (site / "s.jsonl").read_text().splitlines()]
+    lines = read_lines((site / "s.jsonl").read_bytes().splitlines()).lines
     squares = [each.nis for each in innovations(lines, 0.0)]
     assert len(squares) > 100
     assert EXPECTED_NIS / 4.0 < np.mean(squares) < EXPECTED_NIS * 1.5

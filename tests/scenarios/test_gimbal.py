@@ -7,6 +7,7 @@ from draws import first_of
 from flying import fly
 
 from fwav_companion.pipeline.pipeline_factory import own_components
+from fwav_companion.recording.line_types import SightingLine
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
@@ -100,4 +101,4 @@ def test_a_recorded_flight_replays_to_the_line(device_id):
     ).companion
     recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
     assert list(replay(recording, companion.config, companion.calibration, sightings=True)) == companion.lines
-    assert any("q_ned_gimbal" in line for line in companion.lines)
+    assert any(isinstance(line, SightingLine) and line.q_ned_gimbal for line in companion.lines)

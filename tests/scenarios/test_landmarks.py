@@ -136,7 +136,7 @@ def test_a_landmark_that_disagrees_is_named_and_left_out():
     assert square < chi2.ppf(0.999, 2)
     shown = {each.label: each for each in companion.lines[-1].landmarks}
     assert [shown[label].state for label in marks] == ["used", "left_out", "used"]
-    assert shown["second"]["off_m"] == pytest.approx(np.hypot(1.5, 1.0), abs=0.5)
+    assert shown["second"].off_m == pytest.approx(np.hypot(1.5, 1.0), abs=0.5)
 
 
 @pytest.mark.parametrize("setting", ["tracking.filter=lowpass", "tracking.motion=moving"])

@@ -10,6 +10,7 @@ from draws import first_of
 from flying import Flight, fly
 from timed_flights import CALM, GLOBAL_SHUTTER, budgets, miss_m, seen
 
+from fwav_companion.recording.line_types import SightingLine
 from sitl_mock import TargetOptions, scenario
 
 # 2xx: from attitudes to rays.
@@ -42,7 +43,7 @@ def nadir_mm(differences: dict[str, Any], *settings: str) -> float:
     return 1000.0 * sqrt(max(sum(error[axis] ** 2 for error in errors) for axis in (0, 1)) / len(errors))
 
 
-def on_the_ground(flown: Flight, line: dict[str, Any]) -> tuple[float, float]:
+def on_the_ground(flown: Flight, line: SightingLine) -> tuple[float, float]:
     """North and east by which a sighting's ray, seen from the true place, misses the target on the ground."""
     camera, target = flown.mock.camera, flown.mock.scene[0]
     _, t = camera.true_pixel(target, camera.row0_s(line.frame))
@@ -113,7 +114,7 @@ def test_301_frames_300_ms_late_leave_the_final_estimate_as_in_time(name, most_m
     in_time, late = (seen(name, **changes, **{"camera.late_every": every}) for every in (0, 7))
     assert late.companion.lines[-1].fixes == in_time.companion.lines[-1].fixes
     for axis in ("north", "east", "down"):
-        assert late.final()[axis] == pytest.approx(in_time.final()[axis], abs=most_m)
+        assert getattr(late.final(), axis) == pytest.approx(getattr(in_time.final(), axis), abs=most_m)
 
 
 def test_302_an_unknown_readout_is_uncertainty():
