@@ -1,13 +1,16 @@
 """SHELL: the bus of a fleet, a Zenoh session. The only module that imports zenoh.
 
 Zenoh finds peers, routes and reconnects; a router that ends and comes back needs no action here. Zenoh calls back on
-its own threads; the calls are handed to the event loop, in a bounded number.
+its own threads. The event loop takes the messages from a mailbox in turns with pauses, so that no flood of them holds
+up its other work.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,11 +18,14 @@ import zenoh
 import zenoh.ext
 
 from fwav_companion.errors import UserError
+from fwav_companion.fleet.mailbox import Mailbox
 from fwav_companion.fleet.payloads import MAX_BYTES, MAX_PARTS
 
 PREFIX = "fwav"
-MAX_WAITING = 4096
-"""Most messages that wait for the event loop; further ones are dropped and counted."""
+MAX_TOKENS = 4096
+"""Most changes of liveliness tokens that wait for the event loop; further ones are dropped."""
+TURN_S, PAUSE_S = 0.008, 0.008
+"""CPU time of a turn of the reader, seconds, after which no message is begun, and the pause after it."""
 RETRY_S = 3.0
 CONNECT, LISTEN, SCOUTING = "connect/endpoints", "listen/endpoints", "scouting/multicast/enabled"
 """Keys of Zenoh's configuration. Its own defaults listen on all addresses, unencrypted, and answer multicast: both must
@@ -83,11 +89,13 @@ class FleetBus:
         self._held: list[Any] = []
         self._task: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._waiting = 0
+        self._tokens_waiting = 0
         self._alive_key = ""
         self._subscription: tuple[OnMessage, OnAlive] | None = None
-        self.dropped = 0
-        """Messages that were dropped because too many waited."""
+        self._mail: Mailbox | None = None
+        self._lock = threading.Lock()
+        """Held while the mailbox is used, and its reader is woken."""
+        self._reading = False
 
     def start(self) -> None:
         """Open the session in the background; messages published before it is open are dropped."""
@@ -101,9 +109,17 @@ class FleetBus:
             self._alive_key = key
             self._held.append(self._session.liveliness().declare_token(key))
 
-    def subscribe(self, on_message: OnMessage, on_alive: OnAlive) -> None:
-        """Pass on every vehicle's messages, including the newest earlier ones. Called before :meth:`start`."""
-        self._subscription = (on_message, on_alive)
+    def subscribe(self, on_message: OnMessage, on_alive: OnAlive, is_known: Callable[[str], bool]) -> None:
+        """Pass on every vehicle's messages, including the newest earlier ones. Called before :meth:`start`.
+
+        ``is_known``: whether a vehicle's messages have been accepted before; it is called on other threads.
+        """
+        self._subscription, self._mail = (on_message, on_alive), Mailbox(is_known)
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages that were dropped because too many waited."""
+        return 0 if self._mail is None else self._mail.dropped
 
     def publish(self, key: str, parts: Sequence[bytes]) -> None:
         """Publish the parts of a message under ``fwav/FLEET/key``; never blocks."""
@@ -148,23 +164,21 @@ class FleetBus:
             await asyncio.sleep(RETRY_S)
         self._session = session
         if self._subscription is not None:
-            self._subscribe(*self._subscription)
+            self._subscribe(self._subscription[1])
         self._on_state(True, "")
 
-    def _subscribe(self, on_message: OnMessage, on_alive: OnAlive) -> None:
+    def _subscribe(self, on_alive: OnAlive) -> None:
         fleet = f"{PREFIX}/{self._place.name}"
 
         def take(sample: Any) -> None:
             *_, vehicle, kind = str(sample.key_expr).split("/")
             size = len(sample.payload)
             # An oversized one is not copied: its size is enough to refuse it.
-            data = bytes(MAX_BYTES + 1) if size > MAX_BYTES else bytes(sample.payload)
-            self._hand_over(lambda: on_message(vehicle, kind, data))
+            self._deliver(vehicle, kind, bytes(MAX_BYTES + 1) if size > MAX_BYTES else bytes(sample.payload))
 
         def take_token(sample: Any) -> None:
             vehicle = str(sample.key_expr).split("/")[-2]
-            there = sample.kind == zenoh.SampleKind.PUT
-            self._hand_over(lambda: on_alive(vehicle, there))
+            self._hand_over(lambda: on_alive(vehicle, sample.kind == zenoh.SampleKind.PUT))
 
         for kind in ("tracks", "state"):
             self._held.append(
@@ -178,21 +192,53 @@ class FleetBus:
         tokens = self._session.liveliness().declare_subscriber(f"{fleet}/*/alive", take_token, history=True)
         self._held.append(tokens)
 
+    def _deliver(self, vehicle: str, kind: str, data: bytes) -> None:
+        """Put a message into the mailbox, and wake its reader. Called on a thread of Zenoh."""
+        loop, mail = self._loop, self._mail
+        if loop is None or mail is None:
+            return
+        with self._lock:
+            mail.put(vehicle, kind, data)
+            if not self._reading:
+                self._reading = _call_soon(loop, self._read)
+
+    def _read(self) -> None:
+        """Pass on messages for a turn; what is left waits for the next one, even after an error."""
+        if self._loop is None or self._mail is None or self._subscription is None:
+            return
+        ends_s = time.thread_time() + TURN_S
+        try:
+            while time.thread_time() < ends_s:
+                with self._lock:
+                    message = self._mail.take()
+                if message is None:
+                    break
+                self._subscription[0](*message)
+        finally:
+            with self._lock:
+                self._reading = bool(self._mail)
+                if self._reading:
+                    self._loop.call_later(PAUSE_S, self._read)
+
     def _hand_over(self, work: Callable[[], None]) -> None:
         """Run the work in the event loop. Called on a thread of Zenoh."""
-        if self._waiting >= MAX_WAITING or self._loop is None or self._loop.is_closed():
-            self.dropped += 1
+        if self._tokens_waiting >= MAX_TOKENS or self._loop is None:
             return
-        self._waiting += 1
 
         def run() -> None:
-            self._waiting -= 1
+            self._tokens_waiting -= 1
             work()
 
-        try:
-            self._loop.call_soon_threadsafe(run)
-        except RuntimeError:  # the loop was closed since
-            self.dropped += 1
+        self._tokens_waiting += _call_soon(self._loop, run)
+
+
+def _call_soon(loop: asyncio.AbstractEventLoop, work: Callable[[], None]) -> bool:
+    """Call in the loop, from another thread. False if the loop is closed."""
+    try:
+        loop.call_soon_threadsafe(work)
+    except RuntimeError:
+        return False
+    return True
 
 
 def _mode(configuration: Any) -> str:

@@ -20,6 +20,8 @@ MAX_PARTS = 16
 MAX_TRACKS = 256
 """Most tracks of one vehicle in all parts."""
 MAX_TRACKS_A_PART = 64
+MAX_NAME = 64
+"""Most characters of a vehicle's name."""
 BIAS_NAMES = ("position_north", "position_east", "position_down", "heading")
 DIGITS = 3
 
@@ -32,7 +34,7 @@ Derivative = Annotated[float, Meta(ge=-1e6, le=1e6)]
 """Metres by metres or radians: the heading's is the distance."""
 Row = Annotated[tuple[Derivative, ...], Meta(max_length=16)]
 Sigma = Annotated[float, Meta(ge=0.0, le=1e4)]
-Word = Annotated[str, Meta(max_length=64)]
+Word = Annotated[str, Meta(max_length=MAX_NAME)]
 Age = Annotated[float, Meta(ge=0.0, le=1e9)]
 Time = Annotated[float, Meta(ge=0.0, le=1e11)]
 Number = Annotated[int, Meta(ge=0, le=2**53)]

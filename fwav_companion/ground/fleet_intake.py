@@ -6,12 +6,24 @@ stamp is taken as the offset; the excess of a message's difference over it is th
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-from fwav_companion.fleet.payloads import SharedTrack, StateMessage, TracksMessage, VehicleBias, decoded
+from fwav_companion.fleet.options import FLEET_NAME
+from fwav_companion.fleet.payloads import (
+    MAX_NAME,
+    MAX_TRACKS,
+    SharedTrack,
+    StateMessage,
+    TracksMessage,
+    VehicleBias,
+    decoded,
+)
 from fwav_companion.ground.views import MAX_VEHICLES
 
+OF_THE_FUSION = "fleet"
+"""Name under which fused targets are shown: a vehicle's tracks of this name would hide them."""
 MAX_SENDERS = 1000
 """Most names whose refused messages are counted."""
 OFFSETS_KEPT = 120
@@ -72,6 +84,10 @@ class FleetIntake:
         self._said: dict[tuple[str, str], float] = {}
         self._texts: list[tuple[str, str]] = []
 
+    def knows(self, vehicle: str) -> bool:
+        """Whether a vehicle has a sender."""
+        return vehicle in self._senders
+
     def take_texts(self) -> list[tuple[str, str]]:
         """(vehicle, warning) of each warning since the last call."""
         texts, self._texts = self._texts, []
@@ -79,6 +95,8 @@ class FleetIntake:
 
     def on_tracks(self, vehicle: str, data: bytes, now: float) -> WholeReport | None:
         """All tracks of a vehicle if this message completes them; otherwise None."""
+        if not self._may_send(vehicle, now):
+            return None
         message = decoded(data, TracksMessage)
         if isinstance(message, str):
             self._refuse(vehicle, message, now)
@@ -100,10 +118,12 @@ class FleetIntake:
         sender.seq, sender.seq_unix = message.seq, now
         tracks = tuple(track for part in sorted(sender.parts) for track in sender.parts[part])
         sender.parts = {}
-        return WholeReport(vehicle, now - delay_s, message.bias, tracks)
+        return WholeReport(vehicle, now - delay_s, message.bias, tracks[:MAX_TRACKS])
 
     def on_state(self, vehicle: str, data: bytes, now: float) -> tuple[StateMessage, float] | None:
         """The state of a vehicle, and its instant on this process's clock, Unix seconds."""
+        if not self._may_send(vehicle, now):
+            return None
         message = decoded(data, StateMessage)
         if isinstance(message, str):
             self._refuse(vehicle, message, now)
@@ -112,12 +132,11 @@ class FleetIntake:
         return None if sender is None else (message, now - sender.delay_s(message.time_unix, now))
 
     def _sender(self, vehicle: str, session: str, now: float) -> FleetSender | None:
-        """The sender of a vehicle; None for a second sender with its name, and if there is no room for another."""
+        """The sender of a vehicle that may send; None for a second sender with its name."""
         sender = self._senders.get(vehicle)
         if sender is None or (sender.session != session and now > sender.heard_unix + SESSION_S):
-            if sender is None and len(self._senders) >= MAX_VEHICLES and not self._made_room(now):
-                self._refuse(vehicle, f"more than {MAX_VEHICLES} vehicles", now)
-                return None
+            if sender is None and len(self._senders) >= MAX_VEHICLES:
+                del self._senders[self._longest_silent()]
             sender = self._senders[vehicle] = FleetSender(session, now)
         if sender.session != session:
             self.refused["second sender"] += 1
@@ -127,13 +146,20 @@ class FleetIntake:
         sender.heard_unix = now
         return sender
 
-    def _made_room(self, now: float) -> bool:
-        """Forget the sender that has been silent for longest; false if none has been silent for FORGOTTEN_S."""
-        name = min(self._senders, key=lambda each: self._senders[each].heard_unix)
-        if now <= self._senders[name].heard_unix + FORGOTTEN_S:
+    def _may_send(self, vehicle: str, now: float) -> bool:
+        """Whether a vehicle has a place, or may get one. It is asked before a message is decoded, which costs more."""
+        if vehicle == OF_THE_FUSION or re.fullmatch(FLEET_NAME, vehicle) is None:
+            self._refuse(ascii(vehicle[:MAX_NAME]), "a name that no vehicle can have", now)
             return False
-        del self._senders[name]
-        return True
+        if vehicle in self._senders or len(self._senders) < MAX_VEHICLES:
+            return True
+        if now > self._senders[self._longest_silent()].heard_unix + FORGOTTEN_S:
+            return True
+        self._refuse(vehicle, f"more than {MAX_VEHICLES} vehicles", now)
+        return False
+
+    def _longest_silent(self) -> str:
+        return min(self._senders, key=lambda each: self._senders[each].heard_unix)
 
     def _check_clock(self, vehicle: str, sender: FleetSender, now: float) -> None:
         off_s = sender.clock_offset_s
@@ -146,10 +172,11 @@ class FleetIntake:
         self._say(vehicle, reason, f"sends what cannot be used ({reason}): update fwav-companion there", now)
 
     def _say(self, vehicle: str, kind: str, text: str, now: float) -> None:
-        """Report, at most once a minute for a vehicle and kind."""
-        if now < self._said.get((vehicle, kind), -REPEAT_S) + REPEAT_S:
+        """Report, at most once a minute for a vehicle and kind; for all names without a place together."""
+        key = (vehicle if vehicle in self._senders else "", kind)
+        if now < self._said.get(key, -REPEAT_S) + REPEAT_S:
             return
         if len(self._said) >= MAX_SENDERS:
             del self._said[next(iter(self._said))]
-        self._said[vehicle, kind] = now
+        self._said[key] = now
         self._texts.append((vehicle, text))

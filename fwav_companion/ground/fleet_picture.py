@@ -45,6 +45,10 @@ class FleetPicture:
         self._due_unix = 0.0
         self._seq = 0
 
+    def knows(self, vehicle: str) -> bool:
+        """Whether a message of this vehicle has been accepted, and its place not given to another one since."""
+        return self._intake.knows(vehicle)
+
     def on_message(self, vehicle: str, kind: str, data: bytes, now: float) -> None:
         """Take one message of a vehicle."""
         if kind == "state":

@@ -11,7 +11,6 @@ from math import nan
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.target_messages import TargetMessages
 from fwav_companion.ground.vehicle_messages import VehicleMessages
-from fwav_companion.ground.views import MAX_VEHICLES
 from fwav_companion.links.base import Link
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import LinkUrl, SerialUrl, TcpUrl
@@ -66,6 +65,7 @@ class PictureStation:
         self._scanners: dict[str, Scanner] = {}
         self._encoders: dict[str, Encoder] = {}
         self._asked: dict[int, Asked] = {}
+        """By system id, at most 256."""
         self._beat_unix = 0.0
 
     def start(self) -> None:
@@ -112,13 +112,12 @@ class PictureStation:
             return
         self._targets.on_message(message, now)
         asked = self._asked.get(message.system)
-        if asked is None and len(self._asked) < MAX_VEHICLES:
+        if asked is None:
             asked = self._asked[message.system] = Asked(link)
             asked.due_unix = now + 2.0  # the vehicle may send these by itself
-        if asked is not None:
-            asked.link = link
-            if message.name in WANTED_HZ or message.name == "CAMERA_INFORMATION":
-                asked.heard[message.name] = now
+        asked.link = link
+        if message.name in WANTED_HZ or message.name == "CAMERA_INFORMATION":
+            asked.heard[message.name] = now
 
     def _ask(self, system: int, asked: Asked, now: float) -> None:
         """Ask for the wanted messages that are not heard."""

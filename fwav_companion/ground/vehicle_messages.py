@@ -25,7 +25,6 @@ from fwav_companion.mavlink.wire.enums import (
 )
 from fwav_companion.types import Message
 
-MAX_SYSTEMS = 250
 FOOTPRINT_STEP_S = 0.2
 FIRMWARE = {MAV_AUTOPILOT_ARDUPILOTMEGA: "ArduPilot", MAV_AUTOPILOT_PX4: "PX4"}
 TYPES = {1: "plane", 2: "copter", 10: "rover", 11: "boat", 13: "copter", 14: "copter", 16: "flapping wing", 20: "VTOL"}
@@ -63,6 +62,7 @@ class VehicleMessages:
         self._picture = picture
         self._hfov_deg = hfov_deg
         self._memories: dict[int, VehicleMemory] = {}
+        """By system id, at most 256: a smaller bound would let invented systems keep a new vehicle out."""
         self._handlers: dict[str, Callable[[VehicleMemory, Message, float], None]] = {
             "HEARTBEAT": self._on_heartbeat,
             "GLOBAL_POSITION_INT": self._on_position,
@@ -82,7 +82,7 @@ class VehicleMessages:
             return
         memory = self._memories.get(message.system)
         if memory is None:
-            if message.name != "HEARTBEAT" or len(self._memories) >= MAX_SYSTEMS:
+            if message.name != "HEARTBEAT":
                 return
             memory = self._memories[message.system] = VehicleMemory()
         handler(memory, message, now)

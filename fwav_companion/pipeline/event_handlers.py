@@ -58,6 +58,15 @@ class EventHandlers:
         readiness = self._current_readiness(now)
         self._report(self._readiness.on_wake(readiness, now) if readiness is not None else None, now)
 
+    def of_request(self, message: Message, now: HostNs) -> None:
+        """Answer a request to this service. A heartbeat keeps the requests of its sender."""
+        components = self._components
+        if message.name == "HEARTBEAT":
+            components.publisher.on_heartbeat(message, now)
+            return
+        self._outputs.messages += components.commands.on_message(message, components.situation(now))
+        self._outputs.notify(components.publisher.notices(), now)
+
     def of_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
         """Handle an autopilot that was adopted, armed, lost, or is back."""
         for event in events:

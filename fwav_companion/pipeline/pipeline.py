@@ -43,8 +43,8 @@ from fwav_companion.types.status import PipelineStatus
 from fwav_companion.types.track_marks import TrackMarks
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
-ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
-"""Requests that are answered from any sender."""
+ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING", "HEARTBEAT"})
+"""Requests that are answered from any sender, and what keeps them."""
 LONGEST_SILENCE_NS = 3600 * NS_PER_S
 """Longest time without an event through which clock lines are written. A longer one is a gap of a recording; it gets
 no lines."""
@@ -101,8 +101,7 @@ class Pipeline:
                 self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)
             self._frames.take_ready(now)
         if self._live and message.name in ANSWERED:
-            self._outputs.messages += components.commands.on_message(message, components.situation(now))
-            self._outputs.notify(components.publisher.notices(), now)
+            self._handlers.of_request(message, now)
         if self._live and components.acting is not None:
             components.acting.on_message(message, components.identity.autopilot, now)
             self._speaker.act(now)

@@ -10,7 +10,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing import camera_information as information
 from fwav_companion.publishing import enums
 from fwav_companion.publishing.announcer import statustexts
-from fwav_companion.publishing.intervals import UNASKED_NS, Cadence, Interval
+from fwav_companion.publishing.intervals import UNASKED_NS, Cadence, Interval, Station, Stations
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import (
     Locate,
@@ -66,6 +66,7 @@ class CameraComponent:
         self._pictures = Pictures(options.image_size)
         self._places: dict[int, ImagePlace] = {}
         default_ns = round(NS_PER_S / options.rate_hz)
+        self._stations = Stations()
         self._intervals = {message_id: Interval(default_ns) for message_id in STATUS_IDS}
         self._cadences = {message_id: Cadence() for message_id in STATUS_IDS}
         self._reached_ns: dict[int, HostNs] = {}
@@ -91,6 +92,20 @@ class CameraComponent:
         if host_ns is None:
             return
         self._pictures.add(host_ns, [Mark(number, place.point, place.box) for number, place in self._places.items()])
+
+    def on_heartbeat(self, sender: Station, is_station: bool, now: HostNs) -> None:
+        """Note who is heard: requests for the statuses hold as long as their stations are."""
+        if is_station or sender in self._stations:
+            self._stations.hear(sender, now)
+            self._refresh_intervals(now)
+
+    def _refresh_intervals(self, now: HostNs) -> None:
+        self._stations.expire(now)
+        for message_id, interval in self._intervals.items():
+            was_stopped = interval.ns is None
+            interval.refresh(self._stations)
+            if was_stopped and interval.ns is not None:
+                self._cadences[message_id].next_ns = now
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
         """Statuses that are due: while a target is selected, and :data:`IDLE_REPEATS` times afterwards."""
@@ -154,8 +169,10 @@ class CameraComponent:
         message_id = _whole(command.params[0])
         if message_id is None or message_id not in self._intervals:
             return DENIED
-        if not self._intervals[message_id].ask((command.system, command.component), command.params[1]):
+        sender = (command.system, command.component)
+        if not self._stations.hear(sender, now) or not self._intervals[message_id].ask(sender, command.params[1]):
             return DENIED
+        self._refresh_intervals(now)
         self._cadences[message_id].next_ns = now
         return DONE
 

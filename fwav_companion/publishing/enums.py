@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+MAV_TYPE_GCS = 6
 MAV_FRAME_LOCAL_NED = 1
 MAV_FRAME_BODY_FRD = 12
 LANDING_TARGET_TYPE_VISION_OTHER = 3

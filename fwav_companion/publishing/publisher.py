@@ -12,6 +12,7 @@ from fwav_companion.publishing.camera_component import CameraComponent
 from fwav_companion.publishing.cot_events import GeoidHeight, LookAt
 from fwav_companion.publishing.cot_markers import MapMarkers
 from fwav_companion.publishing.distance_sensor import TagRange
+from fwav_companion.publishing.enums import MAV_TYPE_GCS
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, LocalPositionAt
@@ -149,6 +150,12 @@ class Publisher:
             self._make_events(track, situation)
         self.wake_at = self._next_due()
         return out
+
+    def on_heartbeat(self, message: Message, now: HostNs) -> None:
+        """Note a station that is heard."""
+        self._camera.on_heartbeat((message.system, message.component), message.fields.type == MAV_TYPE_GCS, now)
+        if self._started:
+            self.wake_at = self._next_due()
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
         """Answer to a command to the service's camera; None where it is not for the camera, or unknown."""

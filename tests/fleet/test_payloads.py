@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fwav_companion.fleet.payloads import (
     MAX_BYTES,
+    MAX_TRACKS,
     StateMessage,
     TracksMessage,
     VehicleBias,
@@ -163,3 +164,29 @@ def test_refusals_are_reported_once_a_minute_and_nothing_grows():
         (data,) = encoded(tracks_message(shared(), vehicle=str(number)))
         intake.on_tracks(str(number), data, NOW)
     assert len(intake._senders) == 200
+
+
+@pytest.mark.parametrize("name", ["v" * 65, "v" * 60_000, "a\nb", "<b>", "\u202ea", "", "fleet"])
+def test_a_name_that_no_vehicle_can_have_is_refused_and_said_once_for_all(name):
+    """A long one was copied into each update of the page; tracks of "fleet" hid the fused targets."""
+    intake = FleetIntake()
+    assert intake.on_tracks(name, encoded(tracks_message(shared()))[0], NOW) is None
+    assert intake.on_state(name, b"{}", NOW) is None
+    assert intake.on_state(name + "!", b"{}", NOW) is None
+    ((shown, text),) = intake.take_texts()
+    assert "a name that no vehicle can have" in text
+    assert len(shown) < 700
+    assert shown.isprintable()
+    assert not intake.knows(name)
+
+
+def test_the_parts_of_a_message_hold_no_more_tracks_than_a_vehicle_may_have():
+    intake, whole = FleetIntake(), None
+    many = tuple(map(shared, range(MAX_TRACKS)))
+    for part in range(1, 17):
+        message = msgspec.structs.replace(tracks_message(), tracks=many, part=part, parts=16)
+        data = msgspec.json.encode(message)
+        if len(data) > MAX_BYTES:
+            data = msgspec.json.encode(msgspec.structs.replace(message, tracks=many[:100]))
+        whole = intake.on_tracks("1", data, NOW) or whole
+    assert len(whole.tracks) == MAX_TRACKS

@@ -1,6 +1,7 @@
 """The camera component's two statuses: the target's place, field by field, and the message intervals."""
 
 from math import atan2, isnan, nan
+from types import SimpleNamespace
 
 import numpy as np
 import pymap3d
@@ -9,7 +10,7 @@ from camera_component import GEO, IMAGE, OPTIONS, command, named, run
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.types import CommandResult, Destination, TrackState
+from fwav_companion.types import CommandResult, Destination, Message, TrackState
 
 
 @pytest.fixture
@@ -170,3 +171,40 @@ def test_a_station_that_stops_it_stops_it_for_itself(publisher, world):
     assert len(named(run(publisher, world, 10.0, (1,), start=now), IMAGE)) == pytest.approx(20, abs=1.5)
     (reported,) = publisher.on_command(command(510, 275.0), world.situation(now=now)).messages
     assert reported.fields == {"message_id": 275, "interval_us": 500_000}
+
+
+def heard(publisher, now, *stations, kind=mavlink.MAV_TYPE_GCS):
+    for station in stations:
+        publisher.on_heartbeat(Message("HEARTBEAT", *station, "ground", SimpleNamespace(type=kind)), now)
+
+
+@pytest.mark.parametrize("interval_us", [-1.0, 30e6])
+def test_a_stranger_that_stops_or_slows_a_status_takes_it_from_no_station_that_is_heard(publisher, world, interval_us):
+    """Without a key any sender on a station's link may ask. The others got nothing more until the next start."""
+    strangers, counted = [(200 + k, 190) for k in range(40)], []
+    for second in range(100):
+        now = world.NOW + second * world.S
+        heard(publisher, now, (255, 190), *strangers)
+        for stranger in strangers:
+            publisher.on_command(command(511, 275.0, interval_us, sender=stranger), world.situation(now=now))
+        counted.append(len(named(run(publisher, world, 1.0, (1,), start=now), IMAGE)))
+    assert min(counted) >= 9
+
+
+def test_a_request_for_a_status_ends_a_minute_after_its_station_is_gone(publisher, world):
+    now = world.NOW
+    publisher.on_command(command(511, 275.0, 20_000.0), world.situation(now=now))
+    heard(publisher, now + 30 * world.S, (255, 190))
+    assert len(named(run(publisher, world, 1.0, (1,), start=now + 85 * world.S), IMAGE)) == pytest.approx(50, abs=2)
+    later = now + 95 * world.S
+    heard(publisher, later, (254, 190))
+    assert len(named(run(publisher, world, 1.0, (1,), start=later), IMAGE)) == pytest.approx(10, abs=1)
+
+
+def test_a_request_of_a_program_that_is_no_station_lasts_while_its_heartbeats_do(publisher, world):
+    now = world.NOW
+    publisher.on_command(command(511, 275.0, 20_000.0, sender=(1, 195)), world.situation(now=now))
+    for second in range(0, 120, 10):
+        heard(publisher, now + second * world.S, (1, 195), kind=mavlink.MAV_TYPE_ONBOARD_CONTROLLER)
+    sent = run(publisher, world, 1.0, (1,), start=now + 121 * world.S)
+    assert len(named(sent, IMAGE)) == pytest.approx(50, abs=2)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fwav_companion.fleet.payloads import MAX_TRACKS
 from fwav_companion.ground.fusion import association
 from fwav_companion.ground.fusion.bias_solution import SMALLEST_SIGMA, solution_slices
 from fwav_companion.ground.fusion.consistency import RIGHT, WRONG, VehicleShift, shift_of, wrong_by_biases
@@ -18,8 +19,6 @@ from fwav_companion.ground.views import MAX_VEHICLES
 
 FRESH_S = 5.0
 """Age of a vehicle's report beyond which its tracks no longer count: at 2 Hz ten reports are missing."""
-MAX_TRACKS = 256
-"""Most tracks of one vehicle."""
 LOOK_S = 2.0
 """Interval at which each vehicle's shift is examined."""
 REBUILD_S = 5.0
