@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+import pytest
 from mavlink_wire import Wire, dialect
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
@@ -51,6 +52,42 @@ def test_invented_senders_fill_no_table():
     ration = Ration()
     taken(ration, list(range(1000)), 1.0, 1.0)
     assert len(ration._sources) <= MAX_SOURCES
+
+
+@pytest.mark.parametrize("rotates", [False, True], ids=["the same strangers", "ever new strangers"])
+def test_strangers_from_many_addresses_leave_the_ration_of_a_station_that_is_heard(rotates: bool):
+    """The station sends heartbeats, asks for twenty messages at once, and a minute later for seven more."""
+    ration, passed, asked = Ration(), 0, 0
+    for step in range(1800):
+        now = HostNs(T0 + step * 100 * NS_PER_MS)
+        if step % 10 == 0:
+            ration.hear("station", now)
+        if step > 100:
+            for k in range(60):
+                ration.takes(f"10.0.{step if rotates else 0}.{k}", now)
+        if step in range(600, 620) or step in range(1200, 1207):
+            asked += 1
+            passed += ration.takes("station", now)
+    assert (passed, asked) == (27, 27)
+
+
+def test_a_ration_shared_by_strangers_stays_that_of_the_link():
+    ration, passed = Ration(), 0
+    for step in range(1000):
+        now = HostNs(T0 + step * 100 * NS_PER_MS)
+        passed += sum(ration.takes(f"10.0.{step}.{k}", now) for k in range(30))
+    assert 600 < passed <= LINK_BURST + 600
+
+
+def test_a_busy_source_among_idle_ones_has_its_two_a_second():
+    ration = Ration()
+    for k in range(12):
+        ration.hear(k, T0)
+    for second in range(100):
+        for k in range(12):
+            ration.hear(k, HostNs(T0 + second * NS_PER_S))
+    passed = sum(ration.takes(0, HostNs(T0 + 100 * NS_PER_S + k * 100 * NS_PER_MS)) for k in range(300))
+    assert passed in range(98, 102)
 
 
 def test_a_command_beyond_the_ration_is_answered_and_goes_nowhere():

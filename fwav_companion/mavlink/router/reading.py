@@ -70,6 +70,9 @@ class FrameReader:
             boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
             self._router.on_clock(port, frame, boot_ms, now)
         elif frame.msgid == _HEARTBEAT.msgid:
-            self._router.merged.heard(port.name, frame.system << 8 | frame.component, now)
+            sender = frame.system << 8 | frame.component
+            self._router.merged.heard(port.name, sender, now)
+            if port.merges_rate_requests:
+                port.ration.hear(port.source or sender, now)
             if frame.payload_byte(_TYPE_OFFSET) == MAV_TYPE_GCS:
                 port.ground_station_ns = now

@@ -103,13 +103,13 @@ class Port:
         self.stopped = 0
         """Rate requests that were not forwarded."""
         self.ration = Ration()
+        """Ration of rate requests, where they are merged."""
         self.rationed = 0
         """Number of rate requests beyond the ration."""
         self.rationed_sender = ""
         """Ids, and host where a link has several, of the last one of them."""
         self.source = ""
         """Host of the bytes that were received last; "" where the link has only one peer."""
-        """Ration of rate requests, where they are merged."""
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
