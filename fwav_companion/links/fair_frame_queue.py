@@ -16,9 +16,10 @@ SIGNED_FLAG = 0x01
 """Bit of a v2 frame's third byte."""
 PIECE_BYTES = 280
 """Bytes that leave in one go: the longest frame. A read of a flood is 32 kB, six seconds of a line at 57600 baud."""
-MOST_ORIGINS = 16
-"""Origins with a queue of their own: more than a vehicle has stations. Beyond it, newcomers share one."""
-_OTHERS: Origin = ("", "")
+MOST_HOSTS = 16
+"""Hosts of one link with a queue of their own: more than a vehicle has stations. Beyond it, newcomers of the link share
+one: strangers with any number of addresses take no turn of another link, such as the autopilot's."""
+_OTHERS = "others"
 HELD: Origin = ("", "held")
 """Origin of frames that the router held back."""
 
@@ -45,8 +46,8 @@ class FairFrameQueue:
         if origin is None:
             self._own.append(data)
             return
-        if origin not in self._forwarded and len(self._forwarded) >= MOST_ORIGINS:
-            origin = _OTHERS
+        if origin not in self._forwarded and sum(link == origin[0] for link, _ in self._forwarded) >= MOST_HOSTS:
+            origin = (origin[0], _OTHERS)
         queue = self._forwarded.setdefault(origin, deque())
         if len(data) <= PIECE_BYTES:
             queue.append(data)

@@ -4,7 +4,7 @@ import struct
 
 from fastcrc.crc16 import mcrf4xx
 
-from fwav_companion.links.fair_frame_queue import MOST_ORIGINS, PIECE_BYTES, FairFrameQueue, pieces
+from fwav_companion.links.fair_frame_queue import MOST_HOSTS, PIECE_BYTES, FairFrameQueue, pieces
 
 FLOOD, STATION = ("ground", "10.0.0.66"), ("ground", "10.0.0.2")
 
@@ -60,7 +60,16 @@ def test_a_flood_of_origins_shares_one_queue_beyond_the_most():
     assert left[0] == frame(5000)
     assert len(left) == 40
     assert left[-1] == frame(999)
-    assert len({*left[:MOST_ORIGINS]}) == MOST_ORIGINS
+    assert len({*left[:MOST_HOSTS]}) == MOST_HOSTS
+
+
+def test_a_flood_of_hosts_takes_no_turn_of_another_link():
+    """The autopilot's frames came after sixteen strangers, and shared the queue of all others: 1000 frames waited."""
+    waiting = FairFrameQueue()
+    for host in range(1000):
+        waiting.put(frame(host), ("ground", f"10.0.{host // 256}.{host % 256}"))
+    waiting.put(frame(5000), ("autopilot", "127.0.0.1"))
+    assert frame(5000) in drained(waiting)[: MOST_HOSTS + 2]
 
 
 def test_frames_are_divided_into_pieces_of_whole_frames():

@@ -233,6 +233,9 @@ def test_the_tables_are_bounded():
 
 # Transfers.
 
+VEHICLE = (0, "")
+"""The autopilot's link."""
+
 
 def test_a_parameter_list_faster_than_the_link_arrives_whole_in_order_and_at_its_share():
     limiter = LinkLimiter({}, max_bytes_per_s=4032.0)
@@ -243,7 +246,7 @@ def test_a_parameter_list_faster_than_the_link_arrives_whole_in_order_and_at_its
     while len(arrived) < len(frames):
         now += 0.002
         arrived += [(now, data) for data in limiter.release(at(now))]
-        if waiting and not limiter.holds(NUMBERS["PARAM_VALUE"], waiting[0], at(now)):
+        if waiting and not limiter.holds(NUMBERS["PARAM_VALUE"], waiting[0], VEHICLE, at(now)):
             assert limiter.passes((NUMBERS["PARAM_VALUE"], AUTOPILOT, 0), 37, at(now))
             arrived.append((now, waiting[0]))
         del waiting[:1]
@@ -255,7 +258,7 @@ def test_a_parameter_list_faster_than_the_link_arrives_whole_in_order_and_at_its
 
 def test_what_is_held_is_released_when_it_says():
     limiter = LinkLimiter({}, max_bytes_per_s=1000.0)
-    while not limiter.holds(NUMBERS["LOG_DATA"], bytes(100), at(0)):
+    while not limiter.holds(NUMBERS["LOG_DATA"], bytes(100), VEHICLE, at(0)):
         pass
     due = limiter.release_at(at(0))
     assert limiter.release(HostNs(due - NS_PER_MS)) == []
@@ -265,14 +268,35 @@ def test_what_is_held_is_released_when_it_says():
 def test_what_is_held_is_bounded_and_forgotten_with_the_link():
     limiter = LinkLimiter({}, max_bytes_per_s=500.0)
     for _ in range(3000):
-        limiter.holds(NUMBERS["LOG_DATA"], bytes(100), at(0))
+        limiter.holds(NUMBERS["LOG_DATA"], bytes(100), VEHICLE, at(0))
     assert limiter._held._bytes <= MAX_HELD_BYTES
     limiter.disconnect()
     assert not limiter.holds_any
 
 
+@pytest.mark.parametrize("strangers", [1, 40])
+def test_a_transfer_of_strangers_delays_that_of_the_vehicle_by_its_turns_and_costs_it_no_frame(strangers: int):
+    """A stranger's LOG_DATA at 100 times the link's rate kept every parameter from a radio's station."""
+    limiter = LinkLimiter({}, max_bytes_per_s=4000.0)
+    frames = [number.to_bytes(2, "little") + bytes(35) for number in range(50)]
+    arrived: list[bytes] = []
+    waiting = list(frames)
+    for step in range(5000):
+        now = at(step * 0.002)
+        for k in range(40):
+            limiter.holds(NUMBERS["LOG_DATA"], b"x" * 37, (1, f"10.0.0.{k % strangers}"), now)
+        if step > 2500 and waiting:
+            held = limiter.holds(NUMBERS["PARAM_VALUE"], waiting[0], VEHICLE, now)
+            arrived += [] if held else [waiting[0]]
+            del waiting[0]
+        arrived += [data for data in limiter.release(now) if data in frames]
+    least = {1: 50, 40: 17}[strangers]  # at 65 frames/s in turns: one of two, one of seventeen
+    assert arrived == frames[: len(arrived)]
+    assert len(arrived) >= least
+
+
 def test_a_link_without_a_budget_holds_nothing():
-    assert not LinkLimiter({}).holds(NUMBERS["PARAM_VALUE"], bytes(37), at(0))
+    assert not LinkLimiter({}).holds(NUMBERS["PARAM_VALUE"], bytes(37), VEHICLE, at(0))
 
 
 # Reports of the radio itself.

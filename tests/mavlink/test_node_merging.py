@@ -9,6 +9,7 @@ from mavlink_wire import Wire, dialect
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams
+from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.types import Destination, Outgoing
 from sitl_mock.codec import NUMBERS
 
@@ -145,6 +146,33 @@ def test_a_parameter_list_waits_for_a_slow_link_and_is_sent_while_nothing_comes(
         arrived += b"".join(data for _, data in relay.node.on_wake(due).forwards)
     assert arrived == b"".join(frames)
     assert relay.now - T0 < 6 * NS_PER_S
+
+
+@pytest.mark.parametrize("flood", ["HEARTBEAT", "LOG_DATA", "ATTITUDE"])
+def test_a_flood_of_another_stations_link_leaves_a_slow_link_three_quarters_of_its_bytes(flood):
+    """A stranger's heartbeats at ten times a radio's rate left the vehicle's telemetry nothing."""
+    relay = Relay(max_bytes_per_s=2000.0)
+    strangers = [Wire(2 + k, 1) for k in range(50)]
+    frames = {
+        "HEARTBEAT": [each.heartbeat() for each in strangers],
+        "LOG_DATA": [each.frame("LOG_DATA", 1, 0, 90, [1] * 90) for each in strangers],
+        "ATTITUDE": [each.attitude(5) for each in strangers],
+    }[flood]
+    sent = {"vehicle": 0, "strangers": 0}
+    for step in range(1500):
+        relay.now = HostNs(relay.now + 8 * NS_PER_MS)
+        beat = [relay.vehicle.heartbeat()] if step % 100 == 0 else []
+        mixed = relay.node.receive("autopilot", b"".join([relay.vehicle.attitude(step), *beat]), relay.now).forwards
+        relay.now = HostNs(relay.now + NS_PER_MS)
+        mixed += relay.node.receive("plain", b"".join(frames[:20]), relay.now).forwards
+        if relay.node.wake_at is not None and relay.node.wake_at <= relay.now:
+            mixed += relay.node.on_wake(relay.now).forwards
+        for link, data in mixed if step >= 400 else ():
+            for frame in Scanner(datagrams=True).feed(data) if link == "ground" else ():
+                sent["vehicle" if frame.system == 1 else "strangers"] += len(frame.data)
+    seconds = 1100 * 0.009
+    assert sent["strangers"] / seconds <= 0.27 * 2000.0
+    assert sent["vehicle"] / seconds >= 0.6 * 2000.0
 
 
 def test_a_radio_that_reports_a_full_buffer_is_sent_less_on_its_own_link_alone():

@@ -13,6 +13,8 @@ from typing import Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.link_limiter import LEAST_SHARE, STATIONS_SHARE
+from fwav_companion.mavlink.router.link_load import StreamKey
 from fwav_companion.mavlink.router.own_frames import OwnFrames
 from fwav_companion.mavlink.router.peers import Peer
 from fwav_companion.mavlink.router.routing import Port, Router
@@ -82,8 +84,17 @@ class Acceptance:
             return []
         outs = router.route(port, frame, frame.target_system, frame.target_component)
         outs = router.on_ground(port, outs)
-        stream = (frame.msgid, UNVERIFIED | frame.system << 8 | frame.component, frame.instance)
-        return [(out.name, frame.data) for out in outs if out.limiter.passes_unverified(stream, len(frame.data), now)]
+        stream, size = (frame.msgid, UNVERIFIED | frame.system << 8 | frame.component, frame.instance), len(frame.data)
+        outs = self.granted(outs, stream, size, now, share=LEAST_SHARE)
+        return [(out.name, frame.data) for out in outs if out.limiter.passes(stream, size, now)]
+
+    def granted(
+        self, outs: tuple[Port, ...], stream: StreamKey, size: int, now: HostNs, *, share: float = STATIONS_SHARE
+    ) -> tuple[Port, ...]:
+        """Return the links that take a frame of a sender that is not verified: they grant all such frames together a
+        share of their bytes, if these are limited; an autopilot's takes all.
+        """
+        return tuple(out for out in outs if out.is_autopilot or out.limiter.grants(stream, size, share, now))
 
     def is_second_copy(self, port: Port, frame: RawFrame) -> bool:
         """Return whether the frame arrived lately by another link."""

@@ -22,7 +22,7 @@ from typing import Final
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
-from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers
+from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers, Origin
 from fwav_companion.mavlink.router.link_load import LoadMeter, StreamKey, common_rate
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
@@ -35,6 +35,9 @@ FILLED: Final = 0.95
 LEAST_SHARE: Final = 0.05
 """Share of the budget that telemetry keeps in any case; PX4 keeps the same share (mavlink_main.cpp,
 update_rate_mult)."""
+STATIONS_SHARE: Final = 0.25
+"""Share of the budget for what a station's link brings without a signature: a stranger there sends heartbeats and
+commands, which are never thinned, ten times as fast as a radio takes them."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 MAX_REASONS: Final = 256
 """Pairs of (message, reason) counted separately for the status."""
@@ -55,7 +58,7 @@ class LinkLimiter:
         self._capped_sender = -1
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
-        self._unverified = ByteBudget()
+        self._granted = ByteBudget()
         self._radio = RadioBackoff()
         self._load = LoadMeter()
         self._common_hz = inf
@@ -103,17 +106,17 @@ class LinkLimiter:
         self._load.leave(size)
         return True
 
-    def passes_unverified(self, stream: StreamKey, size: int, now: HostNs) -> bool:
-        """Return whether a frame of a sender that is not verified may leave, whatever its message: where bytes are
-        limited, all of them together get LEAST_SHARE.
+    def grants(self, stream: StreamKey, size: int, share: float, now: HostNs) -> bool:
+        """Return whether a frame that is not the vehicle's may leave, whatever its message, if :meth:`passes` allows it:
+        where bytes are limited, all of them together get ``share``.
         """
         limit = self._bytes_per_s
         if limit is not None:
-            self._unverified.fill(LEAST_SHARE * limit, now)
-            if not self._unverified.is_free:
+            self._granted.fill(share * limit, now)
+            if not self._granted.is_free:
                 return self._drop(stream, self._budget_reason)
-            self._unverified.spend(size)
-        return self.passes(stream, size, now)
+            self._granted.spend(size)
+        return True
 
     def _thinned_by(self, stream: StreamKey, cap: Cap, telemetry: bool, now: HostNs) -> Why | None:
         """Return why a frame may not leave a link whose bytes are counted; None if it may."""
@@ -128,10 +131,10 @@ class LinkLimiter:
         """Count a frame of any kind that does not leave by this link."""
         self._drop(stream, why)
 
-    def holds(self, msgid: int, data: bytes, now: HostNs) -> bool:
+    def holds(self, msgid: int, data: bytes, origin: Origin, now: HostNs) -> bool:
         """Queue a transfer frame that is too fast for the link. Returns False if it is not held back."""
         limit = self._bytes_per_s
-        return limit is not None and msgid in TRANSFERS and self._held.takes(data, limit, now)
+        return limit is not None and msgid in TRANSFERS and self._held.takes(data, origin, limit, now)
 
     @property
     def holds_any(self) -> bool:

@@ -300,10 +300,12 @@ class Node:
             outs = self._admit(port, request, outs=outs, received=received, now=now)
         key, size = (msgid, sender, frame.instance), len(frame.data)
         only_ours = msgid == TIMESYNC and self._answers_us(frame)
+        if port.is_gcs and trust is not Trust.SIGNED:
+            outs = self._acceptance.granted(outs, key, size, now)
         for out in outs:
             if only_ours and out.merges_rate_requests:
                 out.limiter.refuse(key, Why.ONLY_OURS)
-            elif out.limiter.holds(msgid, frame.data, now):
+            elif out.limiter.holds(msgid, frame.data, (port.index, port.source), now):
                 self._release_ns[out.name] = out.limiter.release_at(now)
             elif out.limiter.passes(key, size, now):
                 received.forwards.append((out.name, frame.data))
