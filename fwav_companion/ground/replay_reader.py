@@ -14,8 +14,9 @@ from fwav_companion.recording.line_decoder import LineDecoder
 from fwav_companion.recording.line_types import HeaderLine, line_unix_s
 
 MAX_LINE_BYTES = 4_000_000
-MAX_LINES_A_TICK = 20_000
-"""Most lines that one tick reads, so that the page stays responsive at any density of lines."""
+TURN_S = 0.03
+"""CPU time of a tick, seconds, after which no line is begun, so that the page stays responsive at any density of lines,
+and it takes a third of a processor at most."""
 LONGEST_PAUSE_S = 86_400.0
 """Longest time between two lines: the time of a line beyond it is damaged, and would hold up all that follow."""
 IMPLAUSIBLE = (ValueError, ArithmeticError)
@@ -63,8 +64,9 @@ class ReplayReader:
 
     def tick(self, now: float) -> None:
         """Process the lines up to the present instant."""
-        for _ in range(MAX_LINES_A_TICK):
-            if self._next is None or self._next[0] > now:
+        ends_s = time.thread_time() + TURN_S
+        while self._next is not None and self._next[0] <= now:
+            if time.thread_time() >= ends_s:
                 return
             self._newest_unix, line = self._next
             self._next = next(self._source, None)

@@ -32,8 +32,10 @@ COMPONENT = 190
 AUTOPILOT, CAMERA = 1, 100
 WANTED_HZ = {"GLOBAL_POSITION_INT": 4.0, "ATTITUDE": 4.0, "SYS_STATUS": 1.0, "GPS_RAW_INT": 1.0}
 REQUEST_STEP_S = 10.0
-MOST_REQUESTS = 6
-"""Most rounds of requests to a vehicle: if it does not answer in a minute, it does not have the message."""
+SEVERAL = 6
+"""Rounds of requests to a vehicle after which they become rare: if it does not answer in a minute, it may not have the
+message; or it is not the one that was heard before, or has rebooted since."""
+RARE_STEP_S = 60.0
 FRESH_S = 5.0
 """Age of a message up to which it needs no request."""
 
@@ -91,8 +93,9 @@ class PictureStation:
             for name, link in self._links.items():
                 link.send(self._encoders[name].encode("HEARTBEAT", HEARTBEAT))
         for system, asked in self._asked.items():
-            if now >= asked.due_unix and asked.rounds < MOST_REQUESTS:
-                asked.rounds, asked.due_unix = asked.rounds + 1, now + REQUEST_STEP_S
+            if now >= asked.due_unix:
+                asked.rounds += 1
+                asked.due_unix = now + (REQUEST_STEP_S if asked.rounds < SEVERAL else RARE_STEP_S)
                 self._ask(system, asked, now)
 
     def _on_bytes(self, name: str, data: bytes) -> bool:

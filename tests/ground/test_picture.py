@@ -47,6 +47,16 @@ def test_messages_without_an_autopilot_s_heartbeat_make_no_vehicle():
     assert not receiver.picture.targets
 
 
+def test_senders_with_every_system_id_keep_no_new_vehicle_out():
+    """250 systems were remembered, whoever invented them, and a later vehicle was never shown, without a word."""
+    receiver = Receiver()
+    for system in range(256):
+        receiver.take(190, dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=system)
+    receiver.take(1, heartbeat(), system=253, now=NOW + 1.0)
+    receiver.flush(NOW + 1.0)
+    assert receiver.picture.vehicles.keys() == {"253"}
+
+
 def test_a_place_of_0_0_is_no_place(receiver):
     receiver.take(1, position(0.0, 0.0))
     receiver.flush()

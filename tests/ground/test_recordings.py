@@ -21,6 +21,7 @@ pytest.importorskip("aiohttp")
 from fwav_companion.cli.ground_inputs import WITHOUT_CONFIG, _judge
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.ground import replay_reader
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.picture_recorder import PictureRecorder
 from fwav_companion.ground.replay_reader import ReplayReader
@@ -100,6 +101,26 @@ def test_damaged_lines_of_a_recording_are_left_out_and_reported(tmp_path):
     (source,) = picture.update_since(0, START).sources
     assert (source.works, source.text.partition("; ")[2]) == (False, "7 damaged lines were left out")
     reader.close()
+
+
+def test_a_recording_of_any_density_leaves_each_turn_to_the_page_in_time(tmp_path, monkeypatch):
+    """20 000 lines were read in one turn: a stranger's recording with long ones stopped the page for minutes."""
+    cpu_s = [0.0]
+
+    def reading() -> float:
+        cpu_s[0] += 0.01
+        return cpu_s[0]
+
+    picture = GroundPicture()
+    reader = ReplayReader(targets_file(tmp_path / "t.jsonl"), picture, 1.0)
+    monkeypatch.setattr(replay_reader.time, "thread_time", reading)
+    seen = []
+    for _ in range(12):
+        reader.tick(START + 100.0)
+        seen.append(picture.targets["1/2"].seen_unix - START if picture.targets else None)
+    reader.close()
+    assert seen[0] != 9.0
+    assert seen[-1] == 9.0
 
 
 @pytest.mark.parametrize("content", ["", "no json\n", '{"type": "header"}\n', "[1]\n"])

@@ -107,7 +107,7 @@ class LinkLimiter:
         return True
 
     def grants(self, stream: StreamKey, size: int, share: float, now: HostNs) -> bool:
-        """Return whether a frame that is not the vehicle's may leave, whatever its message, if :meth:`passes` allows it:
+        """Return whether a frame that is not the vehicle's may leave if :meth:`passes` allows it, whatever its message:
         where bytes are limited, all of them together get ``share``.
         """
         limit = self._bytes_per_s
