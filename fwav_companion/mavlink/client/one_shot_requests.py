@@ -6,12 +6,13 @@ from math import isfinite
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.requests import command, request
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.types.messages import Message, Outgoing
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
-SELDOM = {"HOME_POSITION": 242, "GPS_GLOBAL_ORIGIN": 49}
-"""Name -> id of messages that are sent once, possibly before we listened."""
+SELDOM = ("HOME_POSITION", "GPS_GLOBAL_ORIGIN")
+"""Messages that are sent once, possibly before we listened."""
 SELDOM_PAUSE_NS = 10 * NS_PER_S
 """Pause between requests: these messages do not exist before the first position, so a refusal is not final."""
 LANDING_PARAMETERS = (
@@ -81,7 +82,7 @@ class OneShotRequests:
     def _ask_seldom(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         due = [name for name, when in self._seldom_ns.items() if when <= now]
         self._seldom_ns |= dict.fromkeys(due, HostNs(now + SELDOM_PAUSE_NS))
-        return [command(autopilot, self._component, enums.MAV_CMD_REQUEST_MESSAGE, SELDOM[name]) for name in due]
+        return [command(autopilot, self._component, enums.MAV_CMD_REQUEST_MESSAGE, MESSAGE_IDS[name]) for name in due]
 
     def _ask_parameters(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         if self._round_ns is None or now < self._round_ns:

@@ -161,10 +161,7 @@ class RateCompetitors:
         if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
             if sender in self._stations or len(self._stations) < MOST_STATIONS:
                 self._stations[sender] = now
-        elif (
-            message.name in {"COMMAND_LONG", "COMMAND_INT"}
-            and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL
-        ):
+        elif message.name in COMMANDS and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
             self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
 
     def to_blame(self, autopilot: Autopilot, now: HostNs) -> str:

@@ -12,19 +12,20 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
+from fwav_companion.mavlink.client.one_shot_requests import SELDOM, OneShotRequests
 from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, StationRates
 from fwav_companion.mavlink.client.rate_search import ArrivalsBefore, RateCompetitors
 from fwav_companion.mavlink.client.rate_table import (
     ATTITUDE,
+    CLOSED,
     QUATERNION,
     SILENT,
     RateRow,
     RequestState,
     new_row,
 )
-from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, missing_messages, other_firmwares
-from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, missing_messages, unneeded_messages
+from fwav_companion.mavlink.wire.rate_messages import HORIZON_ATTITUDE_HZ, OwnStreams, RateRequest
 from fwav_companion.types.messages import ATTITUDE_MESSAGES, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
 from fwav_companion.types.situation import Autopilot
@@ -39,8 +40,6 @@ LOST_NS = 2 * NS_PER_S
 PASSED_PAUSE_NS = NS_PER_S // 2
 GATE_NS = 50 * NS_PER_MS
 """Interval at which a closed gate is tried again."""
-BACKGROUND_ATTITUDE_HZ = 4.0
-"""Rate of plain ATTITUDE while the quaternion arrives: enough for a ground station's horizon."""
 MAX_NOTICES = MAX_NAMED = 32
 """Notices kept for the log, and stations whose first request is logged."""
 
@@ -118,7 +117,8 @@ class Rates:
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Reconcile this autopilot's rates from now on."""
         since_ns, counts = self._before.take(autopilot.system, autopilot.component, now)
-        hz = {name: hz for name, hz in self._wanted.items() if name not in other_firmwares(autopilot.kind)}
+        unneeded = unneeded_messages(autopilot.kind)
+        hz = {name: hz for name, hz in self._wanted.items() if name not in unneeded}
         self._begin(autopilot, [new_row(name, hz[name], since_ns, counts[name]) for name in hz], since_ns, now)
 
     def want(self, name: str, comes_hz: float, now: HostNs) -> None:
@@ -176,7 +176,7 @@ class Rates:
         row = loop.rows.get(name)
         if row is not None:
             row.meter.count += 1
-            if name in {"HOME_POSITION", "GPS_GLOBAL_ORIGIN"}:
+            if name in SELDOM:
                 self._one_shots.on_message(message)
         elif name == "COMMAND_ACK":
             loop.on_ack(message, now)
@@ -308,10 +308,10 @@ class Rates:
         quaternion, plain = loop.rows.get(QUATERNION), loop.rows.get(ATTITUDE)
         if quaternion is None or plain is None or self._attitude_message == ATTITUDE:
             return
-        failed = quaternion.state in SILENT | {RequestState.REFUSED, RequestState.HELD_BACK}
+        failed = quaternion.state in SILENT | CLOSED
         failed |= quaternion.state is RequestState.GRANTED and quaternion.meter.hz == 0.0
         if (quaternion.meter.hz or 0.0) > 0.0:
-            hz = min(BACKGROUND_ATTITUDE_HZ, self.wanted_attitude_hz)
+            hz = min(HORIZON_ATTITUDE_HZ, self.wanted_attitude_hz)
         elif self._attitude_message == "auto" and failed:
             hz = self.wanted_attitude_hz
         else:

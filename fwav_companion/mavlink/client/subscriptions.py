@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
+from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.types.situation import AutopilotKind
 
 MESSAGE_IDS = {
-    "SYSTEM_TIME": 2,
-    "GPS_RAW_INT": 24,
-    "ATTITUDE": 30,
-    "ATTITUDE_QUATERNION": 31,
-    "LOCAL_POSITION_NED": 32,
-    "GLOBAL_POSITION_INT": 33,
-    "GPS_GLOBAL_ORIGIN": 49,
-    "VFR_HUD": 74,
-    "DISTANCE_SENSOR": 132,
-    "TERRAIN_REPORT": 136,
-    "ALTITUDE": 141,
-    "EKF_STATUS_REPORT": 193,
-    "ESTIMATOR_STATUS": 230,
-    "HOME_POSITION": 242,
-    "GIMBAL_DEVICE_ATTITUDE_STATUS": 285,
-}
-ONLY_ARDUPILOT = frozenset({"EKF_STATUS_REPORT"})
-"""Messages that PX4 does not have."""
-ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS"})
-"""Messages that are requested from PX4 alone. ArduPilot never sends ALTITUDE, and reports a request for it as an error;
-LOCAL_POSITION_NED serves only PX4's landing profile; ArduPilot's filter reports by EKF_STATUS_REPORT."""
-
-
-ONLY_IN_FIRMWARE = {"EKF_STATUS_REPORT": AutopilotKind.ARDUPILOT, "ESTIMATOR_STATUS": AutopilotKind.PX4}
-"""The firmware that alone has a message of those that may be requested later."""
+    name: BY_NAME[name].msgid
+    for name in (
+        "SYSTEM_TIME", "GPS_RAW_INT", "ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT",
+        "GPS_GLOBAL_ORIGIN", "VFR_HUD", "DISTANCE_SENSOR", "TERRAIN_REPORT", "ALTITUDE", "EKF_STATUS_REPORT",
+        "ESTIMATOR_STATUS", "HOME_POSITION", "GIMBAL_DEVICE_ATTITUDE_STATUS",
+    )
+}  # fmt: skip
+"""Ids of the messages that may be requested, by name."""
+FILTER_REPORTS = {"EKF_STATUS_REPORT": AutopilotKind.ARDUPILOT, "ESTIMATOR_STATUS": AutopilotKind.PX4}
+"""The reports of the autopilots' filters, and the firmware that alone has each."""
+NOT_OF_ARDUPILOT = frozenset({"ALTITUDE", "LOCAL_POSITION_NED"})
+"""Messages that ArduPilot is not asked for at its adoption: it never sends ALTITUDE, and reports a request for it as an
+error; LOCAL_POSITION_NED serves only PX4's landing profile, and a vehicle without a global position."""
 
 
 def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, float]:
@@ -48,12 +37,10 @@ def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, f
 
 
 def missing_messages(kind: AutopilotKind) -> frozenset[str]:
-    """The messages of those that may be requested later that this firmware does not have."""
-    return frozenset(name for name, owner in ONLY_IN_FIRMWARE.items() if owner is not kind)
-
-
-def other_firmwares(kind: AutopilotKind) -> frozenset[str]:
     """The messages that an autopilot of this kind does not have."""
-    if kind is AutopilotKind.ARDUPILOT:
-        return ONLY_PX4
-    return ONLY_ARDUPILOT if kind is AutopilotKind.PX4 else frozenset()
+    return frozenset(name for name, owner in FILTER_REPORTS.items() if owner is not kind)
+
+
+def unneeded_messages(kind: AutopilotKind) -> frozenset[str]:
+    """The messages that an autopilot of this kind is not asked for at its adoption."""
+    return missing_messages(kind) | (NOT_OF_ARDUPILOT if kind is AutopilotKind.ARDUPILOT else frozenset())

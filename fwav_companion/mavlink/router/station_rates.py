@@ -28,7 +28,9 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.wire.definitions import BY_NAME
-from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
+from fwav_companion.mavlink.wire.rate_messages import HORIZON_ATTITUDE_HZ, OwnStreams, RateRequest
+from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
 FORGOTTEN_NS: Final = 60 * NS_PER_S
 """Time after a station's last heartbeat or request at which its rates are dropped."""
@@ -45,11 +47,7 @@ MAX_ONCE: Final = 32
 """Most awaited answers on a link; beyond it, the source with most loses its oldest."""
 QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
 ATTITUDE_ID: Final = BY_NAME["ATTITUDE"].msgid
-ATTITUDE_IDS: Final = frozenset({ATTITUDE_ID, QUATERNION_ID})
-UNASKED_ATTITUDE_HZ: Final = 4.0
-"""Rate of attitude that no station requests: enough for a horizon on a display."""
-AUTOPILOT_COMPONENT: Final = 1
-"""MAV_COMP_ID_AUTOPILOT1: assumed component of the autopilot until one is adopted."""
+ATTITUDE_IDS: Final = frozenset(BY_NAME[name].msgid for name in ATTITUDE_MESSAGES)
 
 
 class _Asker(msgspec.Struct):
@@ -206,7 +204,7 @@ class MergedRates:
 
     def __init__(self, links: Sequence[str]) -> None:
         self.links = {name: MergedLink(AskedRates(), {}) for name in links}
-        self.own = OwnStreams(0, AUTOPILOT_COMPONENT, {})
+        self.own = OwnStreams(0, MAV_COMP_ID_AUTOPILOT1, {})
         self.demanded: Mapping[int, float] = {}
         """Highest rate that any station requests from the autopilot, hertz, by message id."""
 
@@ -287,9 +285,9 @@ class MergedRates:
             before_hz = max(before_hz, elsewhere_hz)
         stated = msgid in self.own.stated
         if msgid == ATTITUDE_ID and (before_hz == 0.0 or not stated):
-            return Cap(max(before_hz, UNASKED_ATTITUDE_HZ), Why.ATTITUDE)
+            return Cap(max(before_hz, HORIZON_ATTITUDE_HZ), Why.ATTITUDE)
         if before_hz == 0.0:
             return Cap(0.0, Why.ONLY_OURS)
         if msgid in ATTITUDE_IDS and stated:
-            return Cap(min(before_hz, UNASKED_ATTITUDE_HZ), Why.ATTITUDE)
+            return Cap(min(before_hz, HORIZON_ATTITUDE_HZ), Why.ATTITUDE)
         return None if before_hz == inf else Cap(before_hz, Why.OWN_RATE)

@@ -23,6 +23,8 @@ HIGHEST_HZ: Final = 1000.0
 HIGHEST_ID: Final = 0xFFFFFF
 START: Final = 1
 """REQUEST_DATA_STREAM.start_stop; 0 stops."""
+HORIZON_ATTITUDE_HZ: Final = 4.0
+"""Rate of an attitude that is only shown: enough for a horizon on a display."""
 
 
 class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
