@@ -62,8 +62,12 @@ class Outbox:
         self._on_fault = on_fault
 
     def send(self, messages: Sequence[Outgoing], datagrams: Sequence[bytes], now: HostNs) -> None:
-        """Send all messages in order. A message that cannot be encoded is an internal fault; the others are sent."""
-        for name, data in coalesced(self._frames(messages, now)):
+        """Send all messages in order, a TIMESYNC behind the others: what follows it would date its reception back.
+
+        A message that cannot be encoded is an internal fault; the others are sent.
+        """
+        ordered = sorted(messages, key=lambda message: message.name == "TIMESYNC")
+        for name, data in coalesced(self._frames(ordered, now)):
             self._links[name].send(data)
         if self._map_link is not None:
             for datagram in datagrams:
