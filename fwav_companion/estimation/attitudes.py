@@ -16,6 +16,7 @@ _FAST_STEP_S = 2e-3  # half of the difference that gives the rate now
 _SLOW_STEP_S = 0.15  # half of the difference that gives the slow rate
 _MARGIN_S = 0.01
 _OFFSETS = np.arange(WINDOW)[:, None]
+_LEAST_INTERPOLATED = 2
 _LEAST_SAMPLES = 12  # two windows: differences at both ends stay inside
 
 
@@ -71,6 +72,11 @@ class Attitudes:
     @property
     def ready(self) -> bool:
         """Whether an instant can be interpolated."""
+        return len(self._samples) >= _LEAST_INTERPOLATED
+
+    @property
+    def shows_motion(self) -> bool:
+        """Whether slow rates and noise can be told from the motion now, as solves need it."""
         return len(self._samples) >= _LEAST_SAMPLES and self._span_s > 4 * _SLOW_STEP_S + 2 * _MARGIN_S
 
     @property
@@ -89,11 +95,12 @@ class Attitudes:
         return float(self._samples.times[0])
 
     def _weights(self, t: Array) -> tuple[Ints, Array]:
-        """Indices (6, N) of the samples about instants (N,), and their weights (6, N)."""
+        """Indices (6, N) of the samples about instants (N,), and their weights (6, N); fewer while there are fewer."""
         times = self._samples.times
-        first = np.minimum(np.maximum(times.searchsorted(t) - WINDOW // 2, 0), len(times) - WINDOW)
-        index = first + _OFFSETS
-        w = self._samples.values[:WINDOW].take(first + WINDOW - 1, 1) / (t - times.take(index) + 1e-12)
+        size = min(WINDOW, len(times))
+        first = np.minimum(np.maximum(times.searchsorted(t) - WINDOW // 2, 0), len(times) - size)
+        index = first + _OFFSETS[:size]
+        w = self._samples.values[WINDOW - size : WINDOW].take(first + size - 1, 1) / (t - times.take(index) + 1e-12)
         return index, w / np.add.reduce(w, 0)
 
     def quaternions(self, t: Array) -> Array:
@@ -109,7 +116,13 @@ class Attitudes:
         return float(times[2]) + 2 * _SLOW_STEP_S + _MARGIN_S, float(times[-3]) - _MARGIN_S
 
     def fast_and_slow_rates(self, t: Array) -> tuple[Array, Array]:
-        """Rates (3, N) in carrier axes, rad/s, by a difference over 4 ms and by one over 0.3 s."""
+        """Rates (3, N) in carrier axes, rad/s, by a difference over 4 ms and by one over 0.3 s.
+
+        In the first moments of a flight both are the mean rate since its first sample.
+        """
+        if not self.shows_motion:
+            mean = self._mean_rate()
+            return mean + 0.0 * t, mean + 0.0 * t
         first, last = self._inside()
         t = np.minimum(np.maximum(t, first), last)
         centre = np.minimum(t, last - _SLOW_STEP_S)
@@ -118,6 +131,12 @@ class Attitudes:
         fast = body_rates(q[:, 0], (q[:, 2] - q[:, 1]) / (2 * _FAST_STEP_S))
         slow = body_rates(q[:, 3], (q[:, 5] - q[:, 4]) / (2 * _SLOW_STEP_S))
         return fast, slow
+
+    def _mean_rate(self) -> Array:
+        """Rate (3, 1) between the first and the newest sample, rad/s."""
+        first, last = self._samples.times[[0, -1]].tolist()
+        q = self.quaternions(np.array([first, 0.5 * (first + last), last]))
+        return body_rates(q[:, 1:2], (q[:, 2:] - q[:, :1]) / (last - first))
 
     def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:
         """Share (3, 1) of the fast rates, beyond the slow ones, that is motion and not noise of the attitudes.
@@ -140,7 +159,6 @@ class Attitudes:
 
 
 def _barycentric_factors(times: list[float]) -> list[float]:
-    """Inverse products of the differences of a window's times; ones while the window is not full."""
-    if len(times) < WINDOW:
-        return [1.0] * WINDOW
-    return [1.0 / math.prod([a - b for b in times if b != a]) for a in times]
+    """Inverse products of the differences of a window's times; zeros before those of a window that is not full."""
+    factors = [1.0 / math.prod([a - b for b in times if b != a]) for a in times]
+    return [0.0] * (WINDOW - len(times)) + factors

@@ -209,7 +209,7 @@ class Estimator:
 
     def is_solve_due(self, now: float) -> bool:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
-        if not self._new or not self.carrier.ready:
+        if not self._new or not self.carrier.shows_motion:
             return False
         if not self.solves:  # the first search needs sightings enough to tell delays apart
             span = abs(float(self._new[-1].t[-1] - self._new[0].t[0]))

@@ -54,7 +54,12 @@ class PathSamples:
 
     @property
     def ready(self) -> bool:
-        """Whether an instant can be interpolated."""
+        """Whether an instant is known: from the first sample on, by its velocity."""
+        return len(self.buffer) > 0
+
+    @property
+    def shows_motion(self) -> bool:
+        """Whether there are samples enough for a solve."""
         return len(self.buffer) > 3
 
     @property
@@ -92,8 +97,12 @@ class PathSamples:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
         Beyond the ends the cubic goes on for one gap between samples at most. It does not bridge a step of the report.
+        One sample alone goes on by its velocity.
         """
         times, values = self.buffer.times, self.buffer.values
+        if len(times) == 1:
+            velocity = np.repeat(values[3:6], len(t), 1)
+            return values[:3] + values[3:6] * (t - times), velocity, velocity
         i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
         a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
         h = times.take(i + 1) - begin
@@ -146,6 +155,11 @@ class Carrier:
     def ready(self) -> bool:
         """Whether poses can be interpolated."""
         return self.path.ready and self.body.ready and self.attitudes.ready
+
+    @property
+    def shows_motion(self) -> bool:
+        """Whether there are samples enough for a solve."""
+        return self.path.shows_motion and self.body.shows_motion and self.attitudes.shows_motion
 
     @property
     def newest(self) -> float:

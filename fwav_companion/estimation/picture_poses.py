@@ -30,6 +30,11 @@ class PictureAttitudes(Attitudes):
         """Whether there is a picture."""
         return len(self) > 0
 
+    @property
+    def shows_motion(self) -> bool:
+        """The same: rates are not used."""
+        return self.ready
+
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Keep all: there is one a picture."""
 
@@ -67,6 +72,11 @@ class PicturePath(PathSamples):
     def ready(self) -> bool:
         """Whether there is a picture."""
         return len(self.buffer) > 0
+
+    @property
+    def shows_motion(self) -> bool:
+        """The same: the path is at rest."""
+        return self.ready
 
     def append(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:  # noqa: ARG002
         """Add north, east, height (m); False for a sample that is not finite or not later."""

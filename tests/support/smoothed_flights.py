@@ -8,7 +8,8 @@ from handmade import BOOT_NS, boot_ns
 from fwav_companion.tracking.smoothed.smoothed_tracker import Motions, SmoothedTracker
 from fwav_companion.types import AttitudeSample
 
-BEFORE_S, ATTITUDE_HZ, POSITION_HZ = 0.8, 50.0, 10.0
+BEFORE_S, AHEAD_S, ATTITUDE_HZ, POSITION_HZ = 0.8, 0.2, 50.0, 10.0
+"""Telemetry begins this long before the first frame and is this much ahead of each: pictures wait for attitudes."""
 
 
 class WorldSamples:
@@ -34,14 +35,14 @@ class WorldSamples:
 
 
 def tracked(world, views=None, *, motions=None, kept=None, consider=False):
-    """(tracker, tracks) after each frame. Telemetry is 0.2 s ahead of the frames, as pictures wait for attitudes."""
+    """(tracker, tracks) after each frame."""
     samples = WorldSamples(world)
     tracker = SmoothedTracker(
         world.flight.priors, samples, lever_m=(0.0, 0.0, 0.0), kept=kept, motions=motions or Motions(),
         consider=consider,
     )  # fmt: skip
     for view in world.frames() if views is None else views:
-        samples.now_s = min((view.boot_ns - BOOT_NS) * 1e-9 + 0.2, world.flight.seconds + 0.5)
+        samples.now_s = min((view.boot_ns - BOOT_NS) * 1e-9 + AHEAD_S, world.flight.seconds + 0.5)
         yield tracker, tracker.on_frame(view)
 
 

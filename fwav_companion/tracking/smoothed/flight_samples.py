@@ -46,6 +46,7 @@ class FlightSamples:
 
     __slots__ = (
         "_attitude_ns",
+        "_first_ns",
         "_gimbal_ns",
         "_has_gimbal",
         "_lever_m",
@@ -69,6 +70,7 @@ class FlightSamples:
         """
         self._relative = relative
         self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
+        self._first_ns: BootNs | None = None
         self.level_m: float | None = None
         """Level of the ground by a rangefinder's first reading, metres above the origin."""
 
@@ -77,6 +79,7 @@ class FlightSamples:
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(s_from_ns(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
+            self._first_ns = self._first_ns or sample.boot_ns
         if self._has_gimbal:
             self._feed_gimbal(estimator)
         if self._relative:
@@ -86,7 +89,8 @@ class FlightSamples:
             if boot_ns > self._attitude_ns:
                 break  # its attitude, which places the camera, is still to come
             self._position_ns = boot_ns
-            state = self._source.state_at(boot_ns)
+            # One from before the first attitude counts as of that instant, else the first frames have no position.
+            state = self._source.state_at(max(boot_ns, self._first_ns or boot_ns))
             if isinstance(state, VehicleState):
                 self._add(estimator, state, reference, reset=jumped)
         if reference.height is HeightReference.RANGE:
