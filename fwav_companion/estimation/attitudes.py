@@ -9,7 +9,7 @@ import numpy as np
 
 from fwav_companion.estimation.array_rotations import body_rates
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.sample_buffer import SampleBuffer
+from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 
 WINDOW = 6  # samples of an interpolation: flapping at 5 to 10 Hz is far from linear between two samples of 50 Hz
 _FAST_STEP_S = 2e-3  # half of the difference that gives the rate now
@@ -17,6 +17,7 @@ _SLOW_STEP_S = 0.15  # half of the difference that gives the slow rate
 _MARGIN_S = 0.01
 _OFFSETS = np.arange(WINDOW)[:, None]
 _LEAST_INTERPOLATED = 2
+AWAITED = 2  # samples beyond a frame's capture that it waits for
 _LEAST_SAMPLES = 12  # two windows: differences at both ends stay inside
 
 
@@ -63,10 +64,11 @@ class Attitudes:
         distance = np.minimum(np.abs(times - instants[left]), np.abs(times - instants[right]))
         self._samples.keep(distance <= margin_s)
 
-    def copy(self) -> Attitudes:
-        """A snapshot that later samples do not change."""
+    def copy(self, span: Span = ALL) -> Attitudes:
+        """A snapshot of a span of time, with the samples beyond it for which a frame of its end has waited."""
         other = Attitudes(self.noise_rad, -2.0 * self._shift_s)
-        other._samples, other._newest, other._last = self._samples.copy(), list(self._newest), self._last
+        other._samples = self._samples.copy(span, AWAITED)
+        other._newest, other._last = list(self._newest), self._last
         return other
 
     @property
@@ -74,15 +76,13 @@ class Attitudes:
         """Whether an instant can be interpolated."""
         return len(self._samples) >= _LEAST_INTERPOLATED
 
-    @property
-    def shows_motion(self) -> bool:
-        """Whether slow rates and noise can be told from the motion now, as solves need it."""
-        return len(self._samples) >= _LEAST_SAMPLES and self._span_s > 4 * _SLOW_STEP_S + 2 * _MARGIN_S
-
-    @property
-    def _span_s(self) -> float:
+    def shows_motion(self, until: float = math.inf) -> bool:
+        """Whether a snapshot up to `until`, s, tells slow rates, and noise from motion: solves need both."""
+        count = min(len(self._samples), self._samples.count_until(until) + AWAITED)
+        if count < _LEAST_SAMPLES:
+            return False
         times = self._samples.times
-        return float(times[-3] - times[2])
+        return float(times[count - 3] - times[2]) > 4 * _SLOW_STEP_S + 2 * _MARGIN_S
 
     @property
     def newest(self) -> float:
@@ -120,7 +120,7 @@ class Attitudes:
 
         In the first moments of a flight both are the mean rate since its first sample.
         """
-        if not self.shows_motion:
+        if not self.shows_motion():
             mean = self._mean_rate()
             return mean + 0.0 * t, mean + 0.0 * t
         first, last = self._inside()

@@ -37,6 +37,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.picture_poses import PictureAttitudes, PicturePath
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
+from fwav_companion.estimation.sample_buffer import Span
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.solve_schedule import SolveSchedule
 from fwav_companion.estimation.target_answers import target_answers
@@ -209,7 +210,7 @@ class Estimator:
 
     def is_solve_due(self, now: float) -> bool:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
-        if not self._new or not self.carrier.shows_motion:
+        if not self._new or not self.carrier.shows_motion(now):
             return False
         if not self.solves:  # the first search needs sightings enough to tell delays apart
             span = abs(float(self._new[-1].t[-1] - self._new[0].t[0]))
@@ -242,7 +243,7 @@ class Estimator:
         self._replayed.clear()
         model = replace(self.model, targets=dict(self.targets))  # later landmarks are not this solve's
         solved = best_seen(s, SOLVED_TARGETS)
-        return SolveTask(now, model, self.carrier.copy(), solved, self.estimate, *parts)
+        return SolveTask(now, model, self.carrier.copy(Span(now)), solved, self.estimate, *parts)
 
     def _is_doubtful(self) -> bool:
         """Whether the last solve refuses many sightings, contradicts the configuration, or has a rival."""

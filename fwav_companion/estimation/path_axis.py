@@ -52,11 +52,14 @@ class PathAxis:
         if len(self.filtered) > _MOST:
             del self.filtered[: _MOST // 2], self.predicted[: _MOST // 2]
 
-    def smoothed(self, count: int) -> list[float]:
-        """The newest `count` smoothed values, oldest first (Rauch, Tung & Striebel 1965)."""
-        last = self.filtered[-1][0]
+    def smoothed(self, count: int, later: int = 0) -> list[float]:
+        """The newest `count` smoothed values before `later` ones, oldest first, by these alone (Rauch, Tung & Striebel
+        1965).
+        """
+        newest = max(0, len(self.filtered) - 1 - later)
+        last = self.filtered[newest][0]
         values = [last]
-        for i in range(len(self.filtered) - 2, max(-1, len(self.filtered) - 1 - count), -1):
+        for i in range(newest - 1, max(-1, newest - count), -1):
             mean, variance = self.filtered[i]
             next_mean, next_variance = self.predicted[i + 1]
             last = mean + variance / next_variance * (last - next_mean)

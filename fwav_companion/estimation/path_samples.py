@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,11 @@ import numpy as np
 from fwav_companion.estimation.array_rotations import matrices
 from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import Array, Ints
+from fwav_companion.estimation.frame_memory import FoundOnce, ReportedMotion
 from fwav_companion.estimation.measurement import Poses
+from fwav_companion.estimation.path_axis import VELOCITY_NOISE, PathAxis
 from fwav_companion.estimation.range_readings import RangeReadings
-from fwav_companion.estimation.sample_buffer import SampleBuffer
+from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 
 
 class PathBreak(NamedTuple):
@@ -38,8 +41,14 @@ class PathNoise(NamedTuple):
     up: tuple[float, float]  # m, s
 
 
+CALM_S = 1.0  # span of the displacement that is the calm velocity
+POSITION, VELOCITY, CALM = slice(0, 3), slice(3, 6), slice(6, 9)
 ANOTHER_ACCURACY = 3.0
 """Ratio of two accuracies that are of different solutions of a receiver: with corrections, without, float."""
+_LATE_S = 0.15  # a frame whose telemetry is further ahead is late, or is processed again
+_RECENT_S = 3.0  # of the telemetry that places a frame: rates and delays reach back for less
+_SMOOTHED_AGAIN = 120  # samples of a snapshot: twelve seconds at 10 Hz, some time constants
+_LEAST_SOLVED = 3  # positions: more than these
 _LEAST_ACCURACY_M, _MOST_ACCURACIES = 1e-3, 8
 
 
@@ -51,25 +60,71 @@ class PathSamples:
     breaks: list[PathBreak]
     noise: PathNoise
     accuracies: list[Accuracy] = field(default_factory=list)  # in order of time; empty: as configured
+    axes: Sequence[PathAxis] = ()  # the filters of north, east and height behind the smoothed ones
+    step_s: float = 0.1  # between two samples
+    motion_share: Array = field(default_factory=lambda: np.zeros((3, 1)))  # of the velocities about the calm ones
 
     @property
     def ready(self) -> bool:
         """Whether an instant is known: from the first sample on, by its velocity."""
         return len(self.buffer) > 0
 
-    @property
-    def shows_motion(self) -> bool:
-        """Whether there are samples enough for a solve."""
-        return len(self.buffer) > 3
+    def shows_motion(self, until: float) -> bool:
+        """Whether a snapshot up to `until`, s, has samples enough for a solve."""
+        return self.buffer.count_until(until) > _LEAST_SOLVED
 
     @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
         return float(self.buffer.times[-1])
 
-    def copy(self) -> PathSamples:
-        """A snapshot that later samples do not change."""
-        return PathSamples(self.buffer.copy(), list(self.breaks), self.noise, list(self.accuracies))
+    def copy(self, span: Span = ALL) -> PathSamples:
+        """A snapshot of a span of time, smoothed by nothing that is later."""
+        other = replace(self, buffer=self.buffer.copy(span), breaks=list(self.breaks), accuracies=list(self.accuracies))
+        later = len(self.buffer) - self.buffer.count_until(span.until)
+        if later and len(other.buffer):
+            other.smooth(min(len(other.buffer), _SMOOTHED_AGAIN), later)
+        return other
+
+    def smooth(self, count: int, later: int = 0) -> None:
+        """Smooth the newest samples by the filters, which have seen a number of samples beyond them."""
+        n = len(self.buffer)
+        for row, axis in enumerate(self.axes):
+            smoothed = axis.smoothed(count, later)
+            self.buffer.values[row, n - len(smoothed) :] = smoothed
+        if self.heights_lead and n > 2:
+            self.climb_by_heights(n - count)
+        self._calm(n - count)
+
+    @property
+    def heights_lead(self) -> bool:
+        """Whether climb rates are those of the heights, which contradict the reported ones."""
+        axis = self.axes[2]
+        return axis.process_noise > VELOCITY_NOISE or not axis.driven
+
+    def climb_by_heights(self, first: int) -> None:
+        """Climb rates from a sample on by central differences of the smoothed heights."""
+        first = max(0, first - 2)
+        t, values = self.buffer.times[first:], self.buffer.values[:, first:]
+        if len(t) > 2:
+            inner = 1 if first else 0  # the first one of a later part has a difference to one side alone
+            values[5, inner:] = np.gradient(values[2], t)[inner:]
+
+    def _calm(self, first: int) -> None:
+        """Velocities for derivatives: displacement over a second, and of the rest the share that is motion.
+
+        The derivatives by both delays are the velocity. Its noise has made the path wrong in the same way and so looks
+        like a delay (claimed to 24 of 50 ms, wrong by 140 ms).
+        """
+        t, values = self.buffer.times, self.buffer.values
+        n, half = len(t), max(1, round(0.5 * CALM_S / self.step_s))
+        if n <= 2 * half:
+            return
+        index = np.arange(max(0, first - half), n)
+        centre = index.clip(half, n - 1 - half)
+        displacement = values[POSITION].take(centre + half, 1) - values[POSITION].take(centre - half, 1)
+        slow = displacement / (t[centre + half] - t[centre - half])
+        values[CALM, index[0] :] = slow + self.motion_share * (values[VELOCITY, index[0] :] - slow)
 
     def add_accuracy(self, t: float, sigma_m: float) -> None:
         """Take the receiver's accuracy: a small change widens what has been claimed, a large one begins a new piece."""
@@ -141,13 +196,15 @@ class Carrier:
         self.attitudes = attitudes if gimbal is None else gimbal
         self.yaw_from_north = False  # the gimbal's attitudes: about north instead
         self.ranges = RangeReadings()
+        self.frames: FoundOnce[Poses] = FoundOnce()
+        self.motions: FoundOnce[ReportedMotion] = FoundOnce()
         self._motion_shares: dict[bool, Array] = {}  # of the body's rates, of the gimbal's
 
-    def copy(self) -> Carrier:
-        """A snapshot that later samples do not change."""
-        gimbal = None if self.gimbal is None else self.gimbal.copy()
-        other = Carrier(self.body.copy(), self.path.copy(), gimbal=gimbal)
-        other.ranges, other.yaw_from_north = self.ranges.copy(), self.yaw_from_north
+    def copy(self, span: Span = ALL) -> Carrier:
+        """A snapshot of a span of time, as a frame captured at its end has it in time."""
+        gimbal = None if self.gimbal is None else self.gimbal.copy(span)
+        other = Carrier(self.body.copy(span), self.path.copy(span), gimbal=gimbal)
+        other.ranges, other.yaw_from_north = self.ranges.copy(span), self.yaw_from_north
         other._motion_shares = dict(self._motion_shares)
         return other
 
@@ -156,10 +213,16 @@ class Carrier:
         """Whether poses can be interpolated."""
         return self.path.ready and self.body.ready and self.attitudes.ready
 
-    @property
-    def shows_motion(self) -> bool:
-        """Whether there are samples enough for a solve."""
-        return self.path.shows_motion and self.body.shows_motion and self.attitudes.shows_motion
+    def as_in_time(self, stamp: float) -> Carrier:
+        """The carrier as a frame of this stamp, s, has it in time: without what came since then, if it comes late."""
+        if self.newest - stamp < _LATE_S:
+            return self
+        return self.copy(Span(stamp, stamp - _RECENT_S))
+
+    def shows_motion(self, until: float = math.inf) -> bool:
+        """Whether a snapshot up to `until`, s, has samples enough for a solve."""
+        streams = (self.path, self.body, self.attitudes)
+        return all(stream.shows_motion(until) for stream in streams)
 
     @property
     def newest(self) -> float:

@@ -5,12 +5,14 @@ Errors of a single pose are noise of its picture's sightings (``Sightings.own_no
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fwav_companion.estimation.attitudes import WINDOW, Attitudes
 from fwav_companion.estimation.errors import Array, Ints
 from fwav_companion.estimation.path_samples import PathNoise, PathSamples
-from fwav_companion.estimation.sample_buffer import SampleBuffer
+from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 
 _NO_NOISE = PathNoise((1e-6, 1.0), (1e-6, 1.0))
 
@@ -30,18 +32,18 @@ class PictureAttitudes(Attitudes):
         """Whether there is a picture."""
         return len(self) > 0
 
-    @property
-    def shows_motion(self) -> bool:
+    def shows_motion(self, until: float = math.inf) -> bool:  # noqa: ARG002
         """The same: rates are not used."""
         return self.ready
 
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Keep all: there is one a picture."""
 
-    def copy(self) -> PictureAttitudes:
-        """A snapshot that later samples do not change."""
+    def copy(self, span: Span = ALL) -> PictureAttitudes:
+        """A snapshot of a span of time."""
         other = PictureAttitudes(self.noise_rad, 0.0)
-        other._samples, other._newest, other._last = self._samples.copy(), list(self._newest), self._last
+        other._samples = self._samples.copy(span)
+        other._newest, other._last = list(self._newest), self._last
         return other
 
     def quaternions(self, t: Array) -> Array:
@@ -73,8 +75,7 @@ class PicturePath(PathSamples):
         """Whether there is a picture."""
         return len(self.buffer) > 0
 
-    @property
-    def shows_motion(self) -> bool:
+    def shows_motion(self, until: float) -> bool:  # noqa: ARG002
         """The same: the path is at rest."""
         return self.ready
 
@@ -88,10 +89,10 @@ class PicturePath(PathSamples):
     def settle(self) -> None:
         """Do nothing: the positions are as reported."""
 
-    def copy(self) -> PicturePath:
-        """A snapshot that later samples do not change."""
+    def copy(self, span: Span = ALL) -> PicturePath:
+        """A snapshot of a span of time."""
         other = PicturePath()
-        other.buffer, other.accuracies = self.buffer.copy(), list(self.accuracies)
+        other.buffer, other.accuracies = self.buffer.copy(span), list(self.accuracies)
         return other
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:

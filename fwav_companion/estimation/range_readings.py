@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.sample_buffer import SampleBuffer
+from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 
 if TYPE_CHECKING:
     from fwav_companion.estimation.path_samples import PathBreak
@@ -61,9 +61,9 @@ class RangeReadings:
         self._samples.append(reading.t, values)
         return True
 
-    def copy(self) -> RangeReadings:
-        """A snapshot that later readings do not change."""
-        return RangeReadings(self._samples.copy()) if len(self._samples) else RangeReadings()
+    def copy(self, span: Span = ALL) -> RangeReadings:
+        """A snapshot of the readings in a span of time."""
+        return RangeReadings(self._samples.copy(span)) if len(self._samples) else RangeReadings()
 
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Delete readings further than the margin from all instants (n,), ascending."""

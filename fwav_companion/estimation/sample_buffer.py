@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Bools
 
 _FIRST_CAPACITY = 1024
+
+
+class Span(NamedTuple):
+    """A span of time, both ends included, s."""
+
+    until: float = math.inf
+    since: float = -math.inf
+
+
+ALL: Final = Span()
 
 
 class SampleBuffer:
@@ -45,11 +57,16 @@ class SampleBuffer:
         self._first, self._end = 0, n
         self._times[:n], self._values[:, :n] = times, values
 
-    def copy(self) -> SampleBuffer:
-        """An independent copy."""
-        other = SampleBuffer(len(self._values))
-        other._times, other._values = self.times.copy(), self.values.copy()
-        other._end = len(self)
+    def count_until(self, t: float) -> int:
+        """Number of samples not later than t, s."""
+        return int(self.times.searchsorted(t, side="right"))
+
+    def copy(self, span: Span = ALL, beyond: int = 0) -> SampleBuffer:
+        """An independent copy of the samples in a span of time, and of a number of samples beyond it."""
+        other, end = SampleBuffer(len(self._values)), min(len(self), self.count_until(span.until) + beyond)
+        first = min(end, int(self.times.searchsorted(span.since)))
+        other._times, other._values = self.times[first:end].copy(), self.values[:, first:end].copy()
+        other._end = end - first
         return other
 
     def _make_room(self) -> None:

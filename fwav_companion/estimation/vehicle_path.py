@@ -12,17 +12,16 @@ import numpy as np
 
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.path_axis import VELOCITY_NOISE, VELOCITY_SIGMA_M_S, PathAxis
-from fwav_companion.estimation.path_samples import PathBreak, PathNoise, PathSamples, chord
+from fwav_companion.estimation.path_samples import CALM_S, POSITION, VELOCITY, PathBreak, PathNoise, PathSamples, chord
 from fwav_companion.estimation.sample_buffer import SampleBuffer
 
-CALM_S = 1.0  # span of the displacement that is the calm velocity
 _LAG_S, _FRESH_S = 8.0, 1.5  # backward pass at every solve, and at every sample
 _REFILTER_S, _REFILTER_SAMPLES = 120.0, 2000  # heights that are filtered again when their noise is another
 _LONGEST_GAP_S = 2.0  # between two samples: the velocities do not bridge more
 _INNOVATION_SIGMAS, _INCREMENT_SIGMAS = 6.0, 4.0  # both must be exceeded by a step
 _MOST_BREAKS = 8  # each is one more constant of the error's prior
 _FIRST_STEP_S = 0.1
-POSITION, VELOCITY, CALM = slice(0, 3), slice(3, 6), slice(6, 9)
+_FIRST_ADAPTATION_S, _ADAPTATION_S = 0.3, 1.0
 
 
 class VehiclePath:
@@ -31,13 +30,12 @@ class VehiclePath:
     def __init__(self, noise_m: float, height_noise_m: float) -> None:
         """White noise (m) of north and east, and of heights."""
         self._axes = [PathAxis(noise_m), PathAxis(noise_m), PathAxis(height_noise_m)]
-        self._step_s = _FIRST_STEP_S
-        self.samples = PathSamples(SampleBuffer(9), [], self._noise())
+        self.samples = PathSamples(SampleBuffer(9), [], self._noise(_FIRST_STEP_S), axes=self._axes)
         self._heights = SampleBuffer(3)  # m as reported, m sum of the climbs by velocity, 1 where the path broke
-        self._motion_share = np.zeros((3, 1))  # of the velocities about the calm ones
         self._last_place: list[float] = []
         self._last_velocity: list[float] = []
         self._climbed_m = 0.0
+        self._adapts_at: float | None = None  # s
 
     def append(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
         """Add north, east, height (m) and their rates (m/s); False for a sample that is not finite or not later."""
@@ -60,6 +58,7 @@ class VehiclePath:
         self._heights.append(t, (place[2], self._climbed_m, float(broken)))
         self.samples.buffer.append(t, (*place, *v, *v))
         self._last_place, self._last_velocity = place, v
+        self._adapt(t)
         self._smooth(_FRESH_S)
         return True
 
@@ -85,60 +84,32 @@ class VehiclePath:
             axis.reopen()
 
     def settle(self) -> None:
-        """Before a solve: smooth over the whole lag, with the noise of heights and velocities by the data."""
-        recent = self.samples.buffer.times[-400:]
-        if len(recent) < 2:
+        """Before a solve: smooth over the whole lag."""
+        noise = self.samples.noise
+        self._smooth(max(_LAG_S, 6 * noise.level[1], 6 * noise.up[1]))
+
+    def _adapt(self, t: float) -> None:
+        """Find the noise of heights and velocities by the data, at instants of the telemetry alone: a frame that comes
+        late, and the solve that it begins, must not change the filters of the others.
+        """
+        if self._adapts_at is None or t < self._adapts_at:
+            self._adapts_at = self._adapts_at or t + _FIRST_ADAPTATION_S
             return
-        self._step_s = float(np.median(np.diff(recent)))
+        self._adapts_at = t + _ADAPTATION_S
+        self.samples.step_s = float(np.median(np.diff(self.samples.buffer.times[-400:])))
         self._adapt_height_filter()
         self._find_motion_share()
-        self.samples.noise = self._noise()
-        self._smooth(max(_LAG_S, 6 * self.samples.noise.level[1], 6 * self.samples.noise.up[1]))
+        self.samples.noise = self._noise(self.samples.step_s)
 
-    def _noise(self) -> PathNoise:
-        return PathNoise(self._axes[0].remaining_noise(self._step_s), self._axes[2].remaining_noise(self._step_s))
+    def _noise(self, step_s: float) -> PathNoise:
+        return PathNoise(self._axes[0].remaining_noise(step_s), self._axes[2].remaining_noise(step_s))
 
     def _smooth(self, span_s: float) -> None:
-        n = len(self.samples.buffer)
-        count = min(n, int(span_s / self._step_s) + 2)
-        for row, axis in enumerate(self._axes):
-            smoothed = axis.smoothed(count)
-            self.samples.buffer.values[row, n - len(smoothed) :] = smoothed
-        if self._heights_lead and n > 2:
-            self._climb_by_heights(n - count)
-        self._calm(n - count)
-
-    @property
-    def _heights_lead(self) -> bool:
-        axis = self._axes[2]
-        return axis.process_noise > VELOCITY_NOISE or not axis.driven
-
-    def _climb_by_heights(self, first: int) -> None:
-        """Climb rates by central differences of the smoothed heights."""
-        first = max(0, first - 2)
-        t, values = self.samples.buffer.times[first:], self.samples.buffer.values[:, first:]
-        if len(t) > 2:
-            values[5] = np.gradient(values[2], t)
-
-    def _calm(self, first: int) -> None:
-        """Velocities for derivatives: displacement over a second, and of the rest the share that is motion.
-
-        The derivatives by both delays are the velocity. Its noise has made the path wrong in the same way and so looks
-        like a delay (claimed to 24 of 50 ms, wrong by 140 ms).
-        """
-        t, values = self.samples.buffer.times, self.samples.buffer.values
-        n, half = len(t), max(1, round(0.5 * CALM_S / self._step_s))
-        if n <= 2 * half:
-            return
-        index = np.arange(max(0, first - half), n)
-        centre = index.clip(half, n - 1 - half)
-        displacement = values[POSITION].take(centre + half, 1) - values[POSITION].take(centre - half, 1)
-        slow = displacement / (t[centre + half] - t[centre - half])
-        values[CALM, index[0] :] = slow + self._motion_share * (values[VELOCITY, index[0] :] - slow)
+        self.samples.smooth(min(len(self.samples.buffer), int(span_s / self.samples.step_s) + 2))
 
     def _find_motion_share(self) -> None:
         t, values = self.samples.buffer.times[-600:], self.samples.buffer.values[:, -600:]
-        half = max(1, round(0.5 * CALM_S / self._step_s))
+        half = max(1, round(0.5 * CALM_S / self.samples.step_s))
         if len(t) < 6 * half:
             return
         slow = (values[POSITION, 2 * half :] - values[POSITION, : -2 * half]) / (t[2 * half :] - t[: -2 * half])
@@ -146,9 +117,9 @@ class VehiclePath:
         squares[:2] = squares[:2].mean()
         certain = (1.3 + 5 * math.sqrt(2 / len(t))) * VELOCITY_SIGMA_M_S**2
         share = np.where(squares > certain, 1 - VELOCITY_SIGMA_M_S**2 / np.maximum(squares, 1e-12), 0.0)
-        if self._heights_lead:
+        if self.samples.heights_lead:
             share[2] = 0.0
-        self._motion_share = share[:, None]
+        self.samples.motion_share = share[:, None]
 
     def _adapt_height_filter(self) -> None:
         """Open the filter to the heights where the climb rates contradict them by more than noise.
@@ -157,15 +128,15 @@ class VehiclePath:
         into something that neither stream reports.
         """
         axis, white = self._axes[2], self._axes[2].noise_m ** 2
-        lag = max(1, round(1.0 / self._step_s))
-        count = min(int(_REFILTER_S / self._step_s), _REFILTER_SAMPLES)
+        lag = max(1, round(1.0 / self.samples.step_s))
+        count = min(int(_REFILTER_S / self.samples.step_s), _REFILTER_SAMPLES)
         heights, climbed, _ = self._heights.values[:, -count:]
         if heights.size <= 3 * lag:
             return
         rise = heights[lag:] - heights[:-lag]
 
         def process_noise(residual: Array) -> float:
-            return max(VELOCITY_NOISE, (float(np.mean(residual**2)) - 2 * white) / (lag * self._step_s))
+            return max(VELOCITY_NOISE, (float(np.mean(residual**2)) - 2 * white) / (lag * self.samples.step_s))
 
         q, driven = process_noise(rise - (climbed[lag:] - climbed[:-lag])), True
         if q < 4 * VELOCITY_NOISE + 0.1 * white:
@@ -187,5 +158,5 @@ class VehiclePath:
         self._axes[2] = axis
         first = len(self.samples.buffer) - len(t)
         self.samples.buffer.values[2, first:] = axis.smoothed(len(t))
-        if self._heights_lead:
-            self._climb_by_heights(first)
+        if self.samples.heights_lead:
+            self.samples.climb_by_heights(first)

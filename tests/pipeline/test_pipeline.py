@@ -13,6 +13,7 @@ from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.mavlink.wire.rate_messages import RateRequest
 from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, OriginLine, SightingLine, TargetLine
 from fwav_companion.recording.summary_types import SummaryLine
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario, simulate
 
@@ -127,10 +128,14 @@ def test_nothing_steers_a_landing_unless_it_is_asked_to():
     assert "LANDING_TARGET" not in {outgoing.name for _, outgoing in flown.companion.sent}
 
 
-def test_a_late_frame_leaves_what_it_would_have_left_in_time():
+@pytest.mark.parametrize(
+    ("settings", "smoother"), [((), None), (("tracking.self_calibration=true",), SmootherOptions())],
+    ids=["filter", "smoother"],
+)  # fmt: skip
+def test_a_late_frame_leaves_what_it_would_have_left_in_time(settings, smoother):
     changes = {"seconds": 14.0, "seed": 8, "camera.clutter": 0.0, "camera.missed": 0.0}
-    late = fly(scenario("default").but(changes | {"camera.late_every": 7}))
-    in_time = fly(scenario("default").but(changes))
+    late = fly(scenario("default").but(changes | {"camera.late_every": 7}), settings, smoother=smoother)
+    in_time = fly(scenario("default").but(changes), settings, smoother=smoother)
     by_time = {line.time_unix: line for line in in_time.companion.targets()}
     compared = [line for line in late.companion.targets() if line.time_unix in by_time]
     assert len(compared) > 250

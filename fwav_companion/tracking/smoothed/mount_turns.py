@@ -91,7 +91,7 @@ class MountTurns:
 
     def _started(self, estimator: Estimator) -> JudgedTurns | None:
         """A judgement of the label that is seen most, where there are enough new sights and the mount is not known."""
-        if self._fresh < FRESH or self.body_from_camera is None or not estimator.carrier.shows_motion:
+        if self._fresh < FRESH or self.body_from_camera is None or not estimator.carrier.shows_motion():
             return None
         label, count = Counter(label for label, _ in self._kept).most_common(1)[0]
         if count < LEAST_JUDGED:
