@@ -18,7 +18,8 @@ from fwav_companion.estimation.kept_sightings import Sightings, spread
 from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
-from fwav_companion.estimation.smoother import gauss_newton_step, weigh_sightings, wide_weights
+from fwav_companion.estimation.robust_weights import wide_weights
+from fwav_companion.estimation.smoother import gauss_newton_step, sighting_noise
 from fwav_companion.estimation.wander import QUICK
 
 START_GAP_S = 0.008  # an iteration converges from half of this
@@ -114,7 +115,9 @@ class _Descent:
         problem = self._problem
         if self._linearised is None:
             projection = problem.linearise(self._state, QUICK)
-            self._linearised = projection, weigh_sightings(problem, projection, QUICK, wide_weights), problem.slope
+            noise = sighting_noise(problem, projection, QUICK)
+            weighted = noise._replace(weight=noise.weight * wide_weights(noise.distance2))
+            self._linearised = projection, weighted, problem.slope
         projection, weighted, problem.slope = self._linearised  # others have linearised the problem since
         return projection, weighted
 

@@ -236,7 +236,7 @@ class Estimator:
         self._prune(now, s)
         wanders = self.model.noise.position_wander_m > 0 and not self.model.consider
         parts = self._schedule.start(
-            now, first=self.estimate.small is None, wanders=wanders, is_doubtful=self._is_doubtful
+            now, first=self.estimate.delay_sigma_s is None, wanders=wanders, is_doubtful=self._is_doubtful
         )
         self._has_new_target = False
         self._solved.update(np.unique(s.target).tolist())

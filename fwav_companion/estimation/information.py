@@ -1,7 +1,8 @@
-"""Normal equations of weighted sightings, with the noise that a frame's sightings share divided out.
+"""Normal equations of weighted sightings, with the noise that several of them share divided out.
 
 The covariance of one frame's residuals is D + G G' with D = diag(1 / weight) and the common noise G (2 M, 7). Its
-inverse by the matrix inversion lemma (Woodbury 1950) costs 7 x 7 for each frame, however many sightings it has.
+inverse by the matrix inversion lemma (Woodbury 1950) costs 7 x 7 for each frame, however many sightings it has. The
+sines of the error between two knots are unknowns of their gap, eliminated by its Schur complement.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fwav_companion.estimation.errors import Array, Ints
+from fwav_companion.estimation.errors import Array, Bools, Ints
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.problem import Problem
@@ -22,8 +23,17 @@ class WeightedSightings(NamedTuple):
     """Sightings with their noise under one kernel."""
 
     common: Array  # (2, 7, N) standardised, one sigma each
+    modes: Array  # (2, 6, N) the same of the sines between two knots, which all sightings of the gap share
     distance2: Array  # (N,) squared, in standard deviations
     weight: Array  # (N,) 0 to 1
+
+
+class GapModes(NamedTuple):
+    """Amplitudes of the sines between each two knots, given the unknowns about them; in sigmas."""
+
+    mean: Array  # (K - 1, 6) where the unknowns are as linearised
+    slope: Array  # (K - 1, 6, o + 6) by which a correction of shared, targets and the two knots lowers it
+    covariance: Array  # (K - 1, 6, 6)
 
 
 class SightingInformation(NamedTuple):
@@ -33,6 +43,7 @@ class SightingInformation(NamedTuple):
     right: Array  # (n,)
     squares: float  # of the residuals
     log_determinant: float  # of the noise
+    modes: GapModes
 
 
 def own_inverse(common: Array, variance: Array) -> tuple[Array, Array]:
@@ -47,25 +58,55 @@ def own_inverse(common: Array, variance: Array) -> tuple[Array, Array]:
     return inverse, det
 
 
-def normal_equations(problem: Problem, projection: Projection, weighted: WeightedSightings) -> SightingInformation:
-    """Sum over all usable sightings."""
-    use = np.flatnonzero((weighted.weight > _LEAST_WEIGHT) & problem.usable)
-    o, size = problem.errors_at, problem.shared_size
-    point = projection.point.take(use, -1)  # (2, 3, N)
-    rows = np.zeros((2, o + 7, len(use)))  # shared, targets, the two knots about the sighting, residual
-    rows[:, :size] = projection.shared.take(use, -1)
+def sighting_rows(problem: Problem, projection: Projection) -> Array:
+    """Derivatives (2, o + 6, N) of all sightings by shared, targets and the two knots about each."""
+    o, size, point = problem.errors_at, problem.shared_size, projection.point
+    count = point.shape[-1]
+    rows = np.zeros((2, o + 6, count))
+    rows[:, :size] = projection.shared
     # A place that moves uphill also rises.
-    place = point[:, :2] + point[:, 2:] * problem.slope.take(use, -1)
-    at, n = size + TARGET_SIZE * problem.of_target[use], np.arange(len(use))
+    place = point[:, :2] + point[:, 2:] * problem.slope
+    at, n = size + TARGET_SIZE * problem.of_target, np.arange(count)
     rows[:, at, n], rows[:, at + 1, n], rows[:, at + 2, n] = place[:, 0], place[:, 1], point[:, 2]
-    part = problem.part[use]
-    rows[:, o : o + 3], rows[:, o + 3 : o + 6] = point * (1.0 - part), point * part
-    rows[:, -1] = projection.residual.take(use, -1)
+    rows[:, o : o + 3], rows[:, o + 3 :] = point * (1.0 - problem.part), point * problem.part
+    return rows
+
+
+def is_used(problem: Problem, weighted: WeightedSightings) -> Bools:
+    """Mask (N,) of the sightings that count at all."""
+    return np.asarray((weighted.weight > _LEAST_WEIGHT) & problem.usable)
+
+
+def normal_equations(
+    problem: Problem, projection: Projection, weighted: WeightedSightings, rows: Array | None = None
+) -> SightingInformation:
+    """Sum over all usable sightings. rows: `sighting_rows`, where they are known."""
+    use = np.flatnonzero(is_used(problem, weighted))
+    o = problem.errors_at
+    rows = sighting_rows(problem, projection) if rows is None else rows
+    every = np.concatenate([rows, weighted.modes, projection.residual[:, None]], 1).take(use, -1)
     common = weighted.common.take(use, -1)
-    divided, log_det = _divide_by_noise(rows, common, weighted.weight[use], problem.s.frame[use])
-    parts, left = _sum_over_gaps(rows, divided, problem.left[use])
+    divided, log_det = _divide_by_noise(every, common, weighted.weight[use], problem.s.frame[use])
+    parts, left = _sum_over_gaps(every, divided, problem.left[use])
+    parts, modes, more = _without_modes(parts, left, o + 6, len(problem.gaps))
     information, right = _scatter(parts, left, o, len(problem.knots))
-    return SightingInformation(information, right, float(parts[:, -1, -1].sum()), log_det)
+    return SightingInformation(information, right, float(parts[:, -1, -1].sum()), log_det + more, modes)
+
+
+def _without_modes(parts: Array, left: Ints, o: int, gaps: int) -> tuple[Array, GapModes, float]:
+    """Products (G, o + 1, o + 1) of the gaps without the sines' six columns at `o`; log determinant of what they add.
+
+    A sine's column is that of one sigma, so its prior is one.
+    """
+    keep, sines = np.append(np.arange(o), o + 6), slice(o, o + 6)
+    inner = parts[:, sines, sines] + np.eye(6)
+    seen = parts[:, sines][:, :, keep]  # (G, 6, o + 1)
+    covariance = np.linalg.inv(inner)
+    given = covariance @ seen
+    modes = GapModes(np.zeros((gaps, 6)), np.zeros((gaps, 6, o)), np.tile(np.eye(6), (gaps, 1, 1)))
+    modes.mean[left], modes.slope[left], modes.covariance[left] = given[..., -1], given[..., :-1], covariance
+    log_det = float(np.linalg.slogdet(inner)[1].sum())
+    return parts[:, keep[:, None], keep] - seen.swapaxes(1, 2) @ given, modes, log_det
 
 
 def _divide_by_noise(rows: Array, common: Array, weight: Array, frame: Ints) -> tuple[Array, float]:
@@ -110,6 +151,9 @@ def _sum_over_gaps(rows: Array, divided: Array, left: Ints) -> tuple[Array, Ints
     width = rows.shape[1]
     if not len(left):
         return np.zeros((0, width, width)), left
+    if (np.diff(left) < 0).any():  # rows of a rolling shutter come back to a gap
+        order = np.argsort(left, kind="stable")
+        rows, divided, left = rows.take(order, -1), divided.take(order, -1), left[order]
     edges = np.concatenate([[0], np.flatnonzero(np.diff(left)) + 1, [len(left)]])
     parts = np.empty((len(edges) - 1, width, width))
     a, b = (np.ascontiguousarray(x.transpose(1, 2, 0)).reshape(width, -1) for x in (rows, divided))
@@ -119,10 +163,7 @@ def _sum_over_gaps(rows: Array, divided: Array, left: Ints) -> tuple[Array, Ints
 
 
 def _scatter(parts: Array, left: Ints, o: int, knots: int) -> tuple[Array, Array]:
-    """One matrix (n, n) and its right-hand side (n,) from the gaps' products; a gap has two knots.
-
-    Rows of a rolling shutter may come back to a gap: sums are unbuffered.
-    """
+    """One matrix (n, n) and its right-hand side (n,) from the gaps' products; a gap has two knots."""
     n = o + 3 * knots
     information, right = np.zeros((n, n)), np.zeros(n)
     total = parts[:, :o].sum(0)
@@ -131,9 +172,9 @@ def _scatter(parts: Array, left: Ints, o: int, knots: int) -> tuple[Array, Array
     between = np.zeros((knots, knots, 3, 3))
     for a in (0, 1):
         rows = parts[:, o + 3 * a : o + 3 * a + 3]
-        np.add.at(cross, left + a, rows[:, :, np.append(np.arange(o), -1)])
+        cross[left + a] += rows[:, :, np.append(np.arange(o), -1)]
         for b in (0, 1):
-            np.add.at(between, (left + a, left + b), rows[:, :, o + 3 * b : o + 3 * b + 3])
+            between[left + a, left + b] += rows[:, :, o + 3 * b : o + 3 * b + 3]
     information[o:, o:] = between.transpose(0, 2, 1, 3).reshape(3 * knots, 3 * knots)
     information[o:, :o] = cross[:, :, :o].reshape(3 * knots, o)
     information[:o, o:] = information[o:, :o].T

@@ -28,7 +28,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import SHORT_S, Wander, aged, step_variance
+from fwav_companion.estimation.wander import ErrorAgeing, Wander, step_variance
 
 TEACHING = 10  # targets whose sightings update the error and each other
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
@@ -60,6 +60,7 @@ class LiveFilter:
         self.others = SchmidtTargets.of_solve(
             others, mean[rows], covariance[rows[:, :, None], rows[:, None, :]], covariance[rows[:, :, None], base]
         )
+        self._seen_t = t  # s, of the newest sighting or reading that corrected the error
         self._wander_as(in_solution(wanders, carrier, t))
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
@@ -68,9 +69,7 @@ class LiveFilter:
         self._frame: tuple[Sightings, LinearisedPairs, FramePrediction] | None = None  # newest, at the present means
 
     def _wander_as(self, wanders: tuple[Wander, Wander]) -> None:
-        self.wanders = wanders
-        level, up = (w.growth() for w in wanders)
-        self.growth = np.array([level, level, up])  # m^2/s
+        self.wanders, self._ageing = wanders, ErrorAgeing(wanders)
 
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
@@ -100,9 +99,9 @@ class LiveFilter:
         if t <= self.t:
             return
         self._frame = None
-        keep, added = aged(self.wanders, self.growth, t - self.t)
+        keep, added = self.aged(t)
         e = self.errors
-        if t - self.t >= SHORT_S:
+        if keep.min() < 1.0:
             self.mean[e] *= keep
             self.covariance[e] *= keep[:, None]
             self.covariance[:, e] *= keep
@@ -114,6 +113,10 @@ class LiveFilter:
             self.covariance[e, e] += self.steps(t)
         self.others.predict(t - self.t)
         self.t = t
+
+    def aged(self, t: float) -> tuple[Array, Array]:
+        """Factor (3,) on the error now and variance (3,) added by the time t, without further sightings."""
+        return self._ageing.between(self.t - self._seen_t, max(t, self.t) - self._seen_t)
 
     def steps(self, t: float) -> float:
         """Variance (m^2) that steps of the report add from now to t."""
@@ -301,6 +304,7 @@ class LiveFilter:
     def _correct(self, h: Array, s: Array, r: Array) -> None:
         """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,)."""
         self._change()
+        self._seen_t = self.t
         carried = self.covariance @ h.T  # (n, m)
         gain = np.linalg.solve(s, carried.T).T
         gain[: self.size] = 0.0

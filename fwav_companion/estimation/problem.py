@@ -27,11 +27,12 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses, Projection, feet, project, without_path_noise
 from fwav_companion.estimation.path_samples import Carrier, CarrierRates
 from fwav_companion.estimation.range_readings import UsedReadings
-from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
+from fwav_companion.estimation.robust_weights import HALF, leave_one_out_distance2, survey_weights
+from fwav_companion.estimation.wander import MODES, Pieces, Wander, WanderKernel, sines
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
-_SURVEY_DISTANCE2 = 9.0  # squared distance from its survey, in its sigmas, at which a landmark counts by half
+_LEAST_SURVEY_WEIGHT = 1e-9
 _FOOT_ROUNDS, _SAME_LEVEL_M = 4, 0.1  # rays meet the ground's level at their feet, on a slope after a few rounds
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
@@ -56,10 +57,14 @@ class State:
 
 
 class ErrorNoise(NamedTuple):
-    """Standard deviations of the error about the line between two knots, under one kernel."""
+    """Standard deviations of the error about the line between two knots, under one kernel.
 
-    level: Array  # (N,) m, north and east
-    up: Array  # (N,) m
+    A gap's sightings share two sines of it (`wander.sines`); the rest is noise of each sighting.
+    """
+
+    level: Array  # (N,) m, the rest, north and east
+    up: Array  # (N,) m, the rest
+    modes: Array  # (6, K - 1) m, amplitudes of the first sine north, east, up, then of the second
     gap_variance: Array  # (K - 1,) m^2, mean of north plus east over a gap
 
 
@@ -95,6 +100,7 @@ class Problem:
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
+        self.shapes = sines(self.part)  # (2, N) of the error about the lines
         self.usable = np.ones(len(s), np.bool_)
         for b in carrier.path.breaks:
             self.usable &= (s.t <= b.before - BREAK_MARGIN_S) | (s.t >= b.after + BREAK_MARGIN_S)
@@ -132,12 +138,19 @@ class Problem:
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
             # The frame's own position error is about the line, too.
             _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
-            variance = level.bridge(gap, self.part) + own**2
+            level_modes, up_modes = level.mode_variances(self.gaps), up.mode_variances(self.gaps)  # (2, K - 1)
+            shape2 = self.shapes**2
+            level_rest, up_rest = (
+                np.maximum(0.0, w.bridge(gap, self.part) - (shape2 * modes.take(self.left, 1)).sum(0))
+                for w, modes in ((level, level_modes), (up, up_modes))
+            )
+            variance = level_rest + own**2
             if self.pieces is not None:
                 variance = variance + level.bridge_of_pieces(gap, self.part, self.left, self.pieces)
             level_sigma = np.sqrt(variance)
-            up_sigma = np.sqrt(up.bridge(gap, self.part) + own_up**2)
-            self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, 2.0 * mean)
+            up_sigma = np.sqrt(up_rest + own_up**2)
+            amplitudes = np.sqrt(np.stack([level_modes, level_modes, up_modes], 1).reshape(3 * MODES, -1))
+            self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, amplitudes, 2.0 * mean)
         return self._noise[kernel]
 
     def prior(self, kernel: WanderKernel) -> tuple[Array, float]:
@@ -154,22 +167,30 @@ class Problem:
             self._prior[kernel] = p, 2.0 * level_det + up_det
         return self._prior[kernel]
 
-    def weigh_surveys(self, state: State) -> None:
-        """Set the robust weights of landmarks' surveys: a smooth step at three sigmas of its accuracy.
+    def weigh_surveys(self, state: State, covariance: Array) -> bool:
+        """Set the robust weights of landmarks' surveys by a fit and its covariance (n, n); False: one has changed much.
 
-        A survey that all other measurements contradict is left out, as a wrong association is.
+        A survey is judged by what all other measurements predict, as sightings are. Of those that count, at most one is
+        wrong at a time: a wrong one makes the right ones look wrong, too, and is the farthest of them.
         """
         if not len(self._surveys):
-            return
-        off = (state.targets - self.target_mean)[self._surveys]
+            return True
+        off = (state.targets - self.target_mean)[self._surveys, :2].T  # (2, L)
         precision = self._target_precision.reshape(-1, TARGET_SIZE)[self._surveys]
-        distance2 = (off[:, :2] ** 2 * precision[:, :2]).sum(1)
-        self.survey_weight = 1.0 / (1.0 + np.exp((0.5 * (distance2 - _SURVEY_DISTANCE2)).clip(-50.0, 50.0)))
+        rows = self.shared_size + TARGET_SIZE * self._surveys[:, None] + np.arange(TARGET_SIZE)  # (L, 3)
+        sigma = precision[:, :2].T ** -0.5  # (2, L)
+        block = covariance[rows[:, :2, None], rows[:, None, :2]].transpose(1, 2, 0)  # (2, 2, L)
+        known = block / (sigma[:, None] * sigma)
+        unit = np.zeros_like(known)
+        unit[0, 0] = unit[1, 1] = 1.0
+        weight = np.maximum(self.survey_weight, _LEAST_SURVEY_WEIGHT)
+        distance2 = leave_one_out_distance2(off / sigma, known, unit, weight)
+        before, self.survey_weight = self.survey_weight, survey_weights(distance2, self.survey_weight)
         weighted = precision.copy()
         weighted[:, :2] = np.maximum(precision[:, :2] * self.survey_weight[:, None], UNKNOWN_TARGET.precision()[:2])
-        rows = (self.shared_size + TARGET_SIZE * self._surveys[:, None] + np.arange(TARGET_SIZE)).ravel()
         for p, _ in self._prior.values():
-            p[rows, rows] = weighted.ravel()
+            p[rows.ravel(), rows.ravel()] = weighted.ravel()
+        return float(np.abs(self.survey_weight - before).max()) < HALF
 
     def surveys(self) -> dict[int, float]:
         """The weight of each survey by its target's number."""

@@ -47,4 +47,5 @@ def with_readings(
         sightings.right + divided @ residual,
         sightings.squares + float((weight / variance * residual * residual).sum()),
         sightings.log_determinant + float(np.log(variance / weight).sum()),
+        sightings.modes,
     )

@@ -1,7 +1,7 @@
 """Bundle adjustment over the kept sightings: Gauss-Newton, relinearised at every step (Triggs et al. 2000).
 
-Robust weights are those of a redescending M-estimator (Black & Rangarajan 1996). Noise that a frame's sightings share
-is one nuisance of the frame. Kernels of the wander are compared by Laplace's approximation of the marginal likelihood.
+Noise that a frame's sightings share is one nuisance of the frame. Kernels of the wander are compared by Laplace's
+approximation of the marginal likelihood, all with the same weights of the sightings (`robust_weights`).
 """
 
 from __future__ import annotations
@@ -14,21 +14,28 @@ import numpy as np
 
 from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Ints, SampleNoise
 from fwav_companion.estimation.ground import TARGET_SIZE
-from fwav_companion.estimation.information import WeightedSightings, normal_equations, own_inverse
+from fwav_companion.estimation.information import (
+    GapModes,
+    WeightedSightings,
+    normal_equations,
+    own_inverse,
+    sighting_rows,
+)
 from fwav_companion.estimation.measurement import Projection
+from fwav_companion.estimation.post_fit import PostFit, judge_sightings, post_fit
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.range_rows import with_readings
-from fwav_companion.estimation.wander import WanderKernel
+from fwav_companion.estimation.robust_weights import HALF, expected_weights
+from fwav_companion.estimation.wander import MODES, WanderKernel
 
 COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error between knots 3
-_WIDE_DISTANCE2 = 16.0  # squared distance at which a weight is a half
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
 _SINK_SHARE, _LEAST_SHARE = 0.6, 0.05
 _LEAST_BRIDGE_WEIGHT = 1e-3
 CLOCK_GRAIN_S = 1e-3  # autopilot stamps are whole milliseconds
 
-Weigh = Callable[[Array, Projection, Array], Array]
-"""(squared distance (N,), projection, inverse covariance (2, 2, N)) to weights (N,)."""
+Weigh = Callable[[Array], Array]
+"""Squared distances (N,) to weights (N,)."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +44,8 @@ class Step:
 
     step: Array  # (n,)
     size: float  # squared length in standard deviations
-    covariance: Array  # (m, m) of shared, targets and the newest knot's error
+    covariance: Array  # (n, n)
+    modes: GapModes  # of the error between the knots
     log_likelihood: float  # marginal, up to a constant that kernels share; 0 where it was not asked for
     log_determinant: float  # of the information matrix
 
@@ -55,59 +63,40 @@ def common_noise(projection: Projection, noise: SampleNoise, own: Array | None =
     return g
 
 
-def wide_weights(distance2: Array, projection: Projection, inverse: Array) -> Array:
-    """Weights where nothing is known yet: Cauchy's."""
-    del projection, inverse
-    return 1.0 / (1.0 + distance2 / _WIDE_DISTANCE2)
-
-
-def expected_weights(covariance: Array | None) -> Weigh:
-    """A smooth step at four of the standard deviations that are expected by the last solve.
-
-    covariance: (S + 3, S + 3) of the shared parameters and the error now. Without it a wrong calibration would reject
-    the sightings that contradict it.
-    """
-
-    def weigh(distance2: Array, projection: Projection, inverse: Array) -> Array:
-        extra: Array | float = 0.0
-        if covariance is not None:
-            j = np.concatenate([projection.shared, projection.point], axis=1)  # (2, S + 3, N)
-            known = np.tensordot(covariance, j, (1, 1)).swapaxes(0, 1)
-            extra = 0.5 * (inverse * np.einsum("ian,jan->ijn", j, known)).sum((0, 1))
-        return np.asarray(1.0 / (1.0 + np.exp((0.5 * distance2 / (1.0 + extra) - 8.0).clip(-50.0, 50.0))))
-
-    return weigh
-
-
-def weigh_sightings(problem: Problem, projection: Projection, kernel: WanderKernel, weigh: Weigh) -> WeightedSightings:
-    """Noise and robust weights of the sightings under a kernel."""
-    noise, own = problem.error_noise(kernel), problem.s.own_noise
-    g = np.empty((2, COMMON, len(problem.s)))
-    g[:, :4] = common_noise(projection, problem.model.noise, own)
+def sighting_noise(problem: Problem, projection: Projection, kernel: WanderKernel) -> WeightedSightings:
+    """Noise of the sightings under a kernel; all that are visible weigh one."""
+    noise, count = problem.error_noise(kernel), len(problem.s)
+    g = np.empty((2, COMMON, count))
+    g[:, :4] = common_noise(projection, problem.model.noise, problem.s.own_noise)
     g[:, 4:6] = projection.point[:, :2] * noise.level
     g[:, 6] = projection.point[:, 2] * noise.up
-    inverse, _ = own_inverse(g, np.ones(len(problem.s)))
+    bridge = problem.shapes[:, None] * noise.modes.reshape(MODES, 3, -1).take(problem.left, -1)  # (2, 3, N) m
+    modes = (projection.point[:, None] * bridge).reshape(2, 3 * MODES, count)
+    inverse, _ = own_inverse(np.concatenate([g, modes], 1), np.ones(count))
     u, v = projection.residual
     distance2 = u * u * inverse[0, 0] + 2 * u * v * inverse[0, 1] + v * v * inverse[1, 1]
-    weight = weigh(distance2, projection, inverse) * projection.visible
-    return WeightedSightings(g, distance2, weight)
+    return WeightedSightings(g, modes, distance2, projection.visible.astype(np.float64))
 
 
-def bridge_means(problem: Problem, projection: Projection, weighted: WeightedSightings, kernel: WanderKernel) -> Array:
-    """Mean (3, N) of the error about the lines between knots, m, given each sighting's residual."""
+def bridge_means(
+    problem: Problem, projection: Projection, weighted: WeightedSightings, kernel: WanderKernel, after: PostFit
+) -> Array:
+    """Mean (3, N) of the error about the lines between knots, m: the sines of each gap, and the rest of a sighting."""
     noise = problem.error_noise(kernel)
     inverse, _ = own_inverse(weighted.common, 1.0 / np.maximum(weighted.weight, _LEAST_BRIDGE_WEIGHT))
-    seen = (inverse * projection.residual).sum(1)  # (2, N)
+    seen = (inverse * after.residual).sum(1)  # (2, N)
     variance = np.stack([noise.level, noise.level, noise.up]) ** 2
-    return np.asarray(variance * (projection.point * seen[:, None]).sum(0))
+    rest = variance * (projection.point * seen[:, None]).sum(0)
+    sines = (noise.modes.take(problem.left, -1) * after.amplitude).reshape(MODES, 3, -1) * problem.shapes[:, None]
+    return np.asarray(sines.sum(0) + rest)
 
 
 def gauss_newton_step(
     problem: Problem, state: State, projection: Projection, weighted: WeightedSightings, kernel: WanderKernel,
-    *, likelihood: bool = False,
+    rows: Array | None = None, *, likelihood: bool = False,
 ) -> Step:  # fmt: skip
-    """One step from `state`, with the covariance at the point that it starts from."""
-    equations = with_readings(problem, state, kernel, normal_equations(problem, projection, weighted))
+    """One step from `state`, with the covariance at the point that it starts from; rows: `sighting_rows`, if known."""
+    equations = with_readings(problem, state, kernel, normal_equations(problem, projection, weighted, rows))
     precision, knots_det = problem.prior(kernel)
     deviation = problem.deviation(state)
     pulled = precision @ deviation
@@ -115,18 +104,15 @@ def gauss_newton_step(
     # Scaled to a unit diagonal: priors of 1e-7 beside places of a kilometre would lose all digits.
     scale = 1.0 / np.sqrt(information.diagonal())
     scaled = information * scale * scale[:, None]
-    n, now = problem.size, reported_unknowns(problem)
-    columns = np.zeros((n, len(now) + 1))
-    columns[now, np.arange(len(now))] = scale[now]
-    columns[:, -1] = gradient * scale
-    solved = np.linalg.solve(scaled, columns) * scale[:, None]
-    step, covariance = solved[:, -1], solved[now, :-1]
+    covariance = np.linalg.inv(scaled) * scale * scale[:, None]
+    covariance = 0.5 * (covariance + covariance.T)
+    step = covariance @ gradient
     log_likelihood = log_det = 0.0
     if likelihood:
         log_det = float(np.linalg.slogdet(scaled)[1]) - 2.0 * float(np.log(scale).sum())
         misfit = equations.squares + float(deviation @ pulled) - float(gradient @ step)
         log_likelihood = -0.5 * (misfit + equations.log_determinant + knots_det + log_det)
-    return Step(step, float(step @ gradient), 0.5 * (covariance + covariance.T), log_likelihood, log_det)
+    return Step(step, float(step @ gradient), covariance, equations.modes, log_likelihood, log_det)
 
 
 def reported_unknowns(problem: Problem) -> Ints:
@@ -150,38 +136,64 @@ def step_share(problem: Problem, projection: Projection, step: Array) -> float:
 
 
 def iterate(
-    problem: Problem, state: State, kernel: WanderKernel, weigh: Weigh, *, most: int, enough: float
+    problem: Problem, state: State, kernel: WanderKernel, weigh: Weigh | None, *, most: int, enough: float
 ) -> Generator[None, None, tuple[State, Step, WeightedSightings]]:
     """Gauss-Newton from `state`: at most `most` steps, or until a step's squared length is below `enough`.
 
-    Yields between two halves of each step.
+    weigh: weights by the distances from the state; None: each sighting is judged by all others. Yields between two
+    halves of each step.
     """
+    weight: Array | None = None
     for _ in range(most):
         projection = problem.linearise(state, kernel)
-        weighted = weigh_sightings(problem, projection, kernel, weigh)
+        rows, noise = sighting_rows(problem, projection), sighting_noise(problem, projection, kernel)
+        if weigh is not None:
+            weight = weigh(noise.distance2)
+        elif weight is None:
+            weight = judged_weights(problem, state, projection, noise, kernel, rows)
+            yield
+        weighted = noise._replace(weight=noise.weight * weight)
+        found = gauss_newton_step(problem, state, projection, weighted, kernel, rows)
         yield
-        found = gauss_newton_step(problem, state, projection, weighted, kernel)
-        problem.bridge = bridge_means(problem, projection, weighted, kernel)
+        after = post_fit(problem, rows, projection.residual, weighted, found.step, found.covariance, found.modes)
+        problem.bridge = bridge_means(problem, projection, weighted, kernel, after)
         share = step_share(problem, projection, found.step)
         state = state.plus(share * found.step)
-        problem.weigh_surveys(state)
+        settled = problem.weigh_surveys(state, found.covariance)
+        if weigh is None:
+            before, weight = weight, expected_weights(judge_sightings(problem, weighted, after))
+            settled &= float(np.abs(weight - before).max()) < HALF
         yield
-        if share == 1.0 and found.size < enough:
+        if settled and share == 1.0 and found.size < enough:
             break
     return state, found, weighted
 
 
+def judged_weights(
+    problem: Problem, state: State, projection: Projection, noise: WeightedSightings, kernel: WanderKernel, rows: Array
+) -> Array:
+    """Weights (N,) at a state by what all others predict, where no earlier step has weights."""
+    found = gauss_newton_step(problem, state, projection, noise, kernel, rows)
+    after = post_fit(problem, rows, projection.residual, noise, found.step, found.covariance, found.modes)
+    return expected_weights(judge_sightings(problem, noise, after))
+
+
 def likeliest_kernel(
-    problem: Problem, state: State, kernel: WanderKernel, kernels: tuple[WanderKernel, ...], weigh: Weigh
+    problem: Problem, state: State, kernel: WanderKernel, kernels: tuple[WanderKernel, ...]
 ) -> Generator[None, None, WanderKernel]:
     """The kernel of greatest marginal likelihood; all are compared at one linearisation, that of `kernel`.
 
-    Yields after each kernel.
+    The sightings weigh alike under all of them, as under the quickest: else a slow kernel would reject what contradicts
+    it. Yields after each kernel.
     """
     projection = problem.linearise(state, kernel)
+    rows, quickest = sighting_rows(problem, projection), kernels[-1]
+    noise = sighting_noise(problem, projection, quickest)
+    weight = noise.weight * judged_weights(problem, state, projection, noise, quickest, rows)
+    yield
     found = {}
     for k in kernels:
-        weighted = weigh_sightings(problem, projection, k, weigh)
-        found[k] = gauss_newton_step(problem, state, projection, weighted, k, likelihood=True).log_likelihood
+        weighted = sighting_noise(problem, projection, k)._replace(weight=weight)
+        found[k] = gauss_newton_step(problem, state, projection, weighted, k, rows, likelihood=True).log_likelihood
         yield
     return max(found, key=found.__getitem__)

@@ -13,7 +13,8 @@ from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
-from fwav_companion.estimation.smoother import expected_weights, iterate, likeliest_kernel, wide_weights
+from fwav_companion.estimation.robust_weights import wide_weights
+from fwav_companion.estimation.smoother import iterate, likeliest_kernel, reported_unknowns
 from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKernel, at_times, place_knots
 from fwav_companion.estimation.whole_flight import even_knots
 
@@ -38,7 +39,7 @@ class Estimate:
     ids: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # (T,) of this solve, best seen first
     mean: Array = field(default_factory=lambda: np.zeros(0))  # (m,) shared, targets by `ids`, error now
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (m, m)
-    small: Array | None = None  # (S + 3, S + 3) covariance of shared and the error now
+    delay_sigma_s: float | None = None  # s, of the camera's delay as the sightings show it; None: before a solve
     wanders: tuple[Wander, Wander] | None = None
     weight: float = 1.0  # mean robust weight of the newest sightings
     weights: Mapping[int, float] = field(default_factory=dict)  # mean robust weight of each target's sightings
@@ -87,21 +88,23 @@ class SolveTask:
         problem = Problem(self.model, self.carrier, self.kept, knots)
         errors = at_times(knots, start.knots, start.errors)
         state = State(start.shared, problem.first_targets(start.shared, errors, start.targets), errors)
-        kernel, weigh, first = start.kernel, expected_weights(start.small), start.small is None
+        kernel, first = start.kernel, start.delay_sigma_s is None
         if first:
             state, _, _ = yield from iterate(
                 problem, state, kernel, wide_weights, most=_FIRST_ITERATIONS, enough=_ENOUGH
             )
         if self.compare_kernels:
-            kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels, weigh)
+            kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels)
         most = _FIRST_FINE if first or self.whole_flight else _ITERATIONS
-        state, step, weighted = yield from iterate(problem, state, kernel, weigh, most=most, enough=_ENOUGH)
+        state, step, weighted = yield from iterate(problem, state, kernel, None, most=most, enough=_ENOUGH)
         order, few = _best_seen_first(problem), np.arange(problem.shared_size)
+        now = reported_unknowns(problem)
         rows = problem.shared_size + TARGET_SIZE * order[:, None] + np.arange(TARGET_SIZE)
         end = np.arange(problem.errors_at, problem.errors_at + 3)
         index = np.concatenate([few, rows.ravel(), end])
         mean = np.concatenate([state.shared, state.targets.ravel(), state.errors[-1]])
-        few, covariance = np.concatenate([few, end]), step.covariance
+        covariance = step.covariance[now[:, None], now]
+        delay_sigma_s = float(covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5
         if self.model.consider:
             mean, covariance = self._considered(mean, covariance)
         count = np.bincount(problem.of_target, minlength=len(problem.ids))
@@ -110,7 +113,7 @@ class SolveTask:
         return Estimate(
             self.t, state.shared, start.targets | dict(zip(ids, state.targets, strict=True)), knots, state.errors,
             kernel, problem.ids[order], mean[index], covariance[np.ix_(index, index)],
-            step.covariance[np.ix_(few, few)], problem.wanders(kernel), float(weighted.weight.mean()),
+            delay_sigma_s, problem.wanders(kernel), float(weighted.weight.mean()),
             dict(zip(ids, weights.tolist(), strict=True)), modes, problem.surveys(),
         )  # fmt: skip
 
@@ -139,9 +142,9 @@ class SolveTask:
         return KERNELS if self.model.noise.position_wander_m > 0 else (SMOOTH,)
 
     def _is_far(self, best: DelayMode) -> bool:
-        if self.last.small is None:
+        if self.last.delay_sigma_s is None:
             return True
-        far = max(_FAR_S, _FAR_SIGMAS * float(np.sqrt(self.last.small[0, 0])))
+        far = max(_FAR_S, _FAR_SIGMAS * self.last.delay_sigma_s)
         return abs(float(best.shared[CAMERA_DELAY]) - float(self.last.shared[CAMERA_DELAY])) > far
 
 

@@ -8,7 +8,6 @@ from fwav_companion.estimation.answers import TargetAnswer
 from fwav_companion.estimation.errors import HEIGHT, POSITION_DELAY, Array
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.live_filter import LiveFilter
-from fwav_companion.estimation.wander import aged
 
 _AXES = np.arange(3)
 _STILL = np.zeros(2), np.zeros((2, 2))  # velocity of a static target, and its covariance
@@ -38,7 +37,7 @@ def target_answers(live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
 
 def _vehicle_rows(live: LiveFilter, t: float, velocity: Array) -> tuple[Array, Array]:
     """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
-    keep, added = aged(live.wanders, live.growth, t - live.t)
+    keep, added = live.aged(t)
     rows = np.zeros((TARGET_SIZE, len(live.mean)))
     rows[_AXES, live.errors] = keep
     rows[:, POSITION_DELAY] = -velocity

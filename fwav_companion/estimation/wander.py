@@ -35,7 +35,8 @@ _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the 
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
-_KEPT = np.ones(3)
+MODES = 2  # sines of the error between two knots that the sightings there share
+_GRID = 32
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
 
@@ -93,6 +94,14 @@ class Wander:
         line = (part**2 + (1.0 - part) ** 2) * start + 2.0 * part * (1.0 - part) * ends
         return np.asarray(np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right)))
 
+    def mode_variances(self, gap: Array) -> Array:
+        """Variances (2, K - 1) m^2 of the amplitudes of `sines` between knots that are gaps (K - 1,) s apart.
+
+        Frames of one gap share its error about the line: with noise of each frame alone they claim more than they show.
+        """
+        at_lags = self.covariance(gap[:, None] * np.linspace(0.0, 1.0, _GRID + 1))  # (K - 1, 33)
+        return np.asarray(np.maximum(0.0, at_lags @ _AMPLITUDES).T)
+
     def bridge_of_pieces(self, gap: Array, part: Array, left: Ints, pieces: Pieces) -> Array:
         """Variance (N,) m^2 about the lines between knots that the worse solutions add; left (N,): the knot before.
 
@@ -119,18 +128,67 @@ class Wander:
         return inverse.T @ inverse, 2.0 * float(np.log(np.diag(root)).sum())
 
 
-def aged(wanders: tuple[Wander, Wander], growth: Array, dt: float) -> tuple[Array, Array]:
-    """Factor (3,) on the error and variance (3,) added after dt seconds without a sighting; growth: (3,) m^2/s.
+def sines(part: Array) -> Array:
+    """The shapes (2, N) of the error about the line between two knots, at parts (N,) of the gap; zero at both knots."""
+    return np.sin(np.pi * np.arange(1, MODES + 1)[:, None] * part)
 
-    From frame to frame a random walk with the growth over half a second. After a gap the mean fades and the variance
-    grows as the kernel says: a walk that is right from frame to frame is too slow for wanders with a finite rate.
+
+def _amplitude_weights() -> Array:
+    """Weights (33, 2) of a process's covariances at lags of 0 to 1 gap: their sums are the sines' variances.
+
+    An amplitude is the error about the line, projected onto its sine by the trapezoidal rule. Its variance is linear in
+    the covariance of the process: e(p) - (1 - p) e(0) - p e(1), squared.
     """
-    if dt < SHORT_S:
-        return _KEPT, growth * max(dt, 0.0)
-    (a, b), (c, d) = (w.covariance(np.array([0.0, dt])).tolist() for w in wanders)
-    start, later = np.array([a, a, c]), np.array([b, b, d])
-    start = np.maximum(start, 1e-12)
-    return later / start, np.maximum(start - later * later / start, growth * SHORT_S)
+    part, index = np.linspace(0.0, 1.0, _GRID + 1), np.arange(_GRID + 1)
+    p, q, i, j = part[:, None], part, index[:, None], index
+    by_lag = np.zeros((_GRID + 1, _GRID + 1, _GRID + 1))  # (lag, p, q)
+    for lag, factor in (
+        (abs(i - j), 1.0), (i + 0 * j, q - 1.0), (_GRID - i + 0 * j, -q), (j + 0 * i, p - 1.0), (_GRID - j + 0 * i, -p),
+        (0 * i + 0 * j, (1.0 - p) * (1.0 - q) + p * q), (0 * i + 0 * j + _GRID, p * (1.0 - q) + (1.0 - p) * q),
+    ):  # fmt: skip
+        np.add.at(by_lag, (lag, i + 0 * j, j + 0 * i), factor + 0.0 * p * q)
+    shape = sines(part) * (2.0 / _GRID)  # (2, 33)
+    return np.asarray(np.einsum("lpq,mp,mq->lm", by_lag, shape, shape))
+
+
+_AMPLITUDES: Final = _amplitude_weights()
+
+
+class ErrorAgeing:
+    """How the error now ages without sightings of it.
+
+    For half a second it is a random walk with the growth of the kernel over that time. Later its mean fades and its
+    variance grows as the kernel says, counted from the last sighting: steps of half a second that follow each other
+    would neither fade nor grow like a wander of finite rate.
+    """
+
+    def __init__(self, wanders: tuple[Wander, Wander]) -> None:
+        """wanders: of north and east, and of up."""
+        self._wanders = wanders
+        level, up = (w.growth() for w in wanders)
+        self._growth = np.array([level, level, up])  # m^2/s
+
+    def between(self, since_s: float, until_s: float) -> tuple[Array, Array]:
+        """Factor (3,) on the error and variance (3,) added from one time after the last sighting to a later one, s."""
+        if until_s < SHORT_S:
+            return _KEPT, self._growth * (until_s - since_s)
+        (before, old), (after, new) = self._since_sighting(since_s), self._since_sighting(until_s)
+        keep = after / before
+        return keep, np.maximum(new - keep * keep * old, 0.0)
+
+    def _since_sighting(self, lag_s: float) -> tuple[Array, Array]:
+        """Share (3,) of the error that is left, and variance (3,) added, this time after the last sighting."""
+        if lag_s < SHORT_S:
+            return _KEPT, self._growth * lag_s
+        (a, b), (c, d) = (w.covariance(np.array([0.0, lag_s])).tolist() for w in self._wanders)
+        start, later = np.maximum(np.array([a, a, c]), _LEAST_VARIANCE_M2), np.array([b, b, d])
+        return np.maximum(later / start, _LEAST_SHARE), np.maximum(
+            start - later * later / start, self._growth * SHORT_S
+        )
+
+
+_KEPT = np.ones(3)
+_LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6
 
 
 def step_variance(b: PathBreak) -> float:

@@ -13,11 +13,11 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.information import _divide_by_noise, normal_equations
 from fwav_companion.estimation.kept_sightings import Sightings, joined, thinned
 from fwav_companion.estimation.problem import Problem, State
-from fwav_companion.estimation.smoother import COMMON, iterate, weigh_sightings
+from fwav_companion.estimation.smoother import COMMON, iterate, sighting_noise
 from fwav_companion.estimation.wander import SMOOTH, place_knots
 
 
-def all_weights(distance2, projection, inverse):
+def all_weights(distance2):
     """No sighting is doubted."""
     return np.ones(len(distance2))
 
@@ -55,12 +55,14 @@ def start(problem):
     return State(shared, problem.first_targets(shared, errors, {}), errors)
 
 
-def dense_noise(projection, weighted, s):
-    """(2 N, 2 N) covariance of all residuals, first components first, frame by frame."""
-    n = len(s)
-    g = weighted.common.transpose(0, 2, 1).reshape(2 * n, COMMON)
-    same = np.tile(s.frame, 2)[:, None] == np.tile(s.frame, 2)
-    return np.where(same, g @ g.T, 0.0) + np.diag(np.tile(1 / weighted.weight, 2))
+def dense_noise(weighted, problem):
+    """(2 N, 2 N) covariance of all residuals, first components first: a frame's common noise, a gap's sines, pixels."""
+    n, frame = len(problem.s), np.tile(problem.s.frame, 2)
+    left = np.tile(problem.left, 2)
+    g, m = (a.transpose(0, 2, 1).reshape(2 * n, -1) for a in (weighted.common, weighted.modes))
+    by_frame = np.where(frame[:, None] == frame, g @ g.T, 0.0)
+    by_gap = np.where(left[:, None] == left, m @ m.T, 0.0)
+    return by_frame + by_gap + np.diag(np.tile(1 / weighted.weight, 2))
 
 
 def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
@@ -73,8 +75,8 @@ def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
     problem.carrier.path.buffer.values[6:9] = samples[3:6]
     state, step, _ = result_of(iterate(problem, start(problem), SMOOTH, all_weights, most=20, enough=1e-8))
     projection = problem.linearise(state, SMOOTH)
-    weighted = weigh_sightings(problem, projection, SMOOTH, all_weights)
-    white = np.linalg.inv(np.linalg.cholesky(dense_noise(projection, weighted, problem.s)))
+    weighted = sighting_noise(problem, projection, SMOOTH)
+    white = np.linalg.inv(np.linalg.cholesky(dense_noise(weighted, problem)))
     prior_root = np.linalg.cholesky(problem.prior(SMOOTH)[0]).T
 
     def residuals(x):
@@ -96,7 +98,7 @@ def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
 def test_normal_equations_are_those_of_the_dense_noise(problem):
     state = start(problem)
     projection = problem.linearise(state, SMOOTH)
-    weighted = weigh_sightings(problem, projection, SMOOTH, lambda d, p, i: np.linspace(0.3, 1.0, len(d)))
+    weighted = sighting_noise(problem, projection, SMOOTH)._replace(weight=np.linspace(0.3, 1.0, len(problem.s)))
     found = normal_equations(problem, projection, weighted)
     n, o = len(problem.s), problem.errors_at
     j = np.zeros((2, n, problem.size))
@@ -108,7 +110,7 @@ def test_normal_equations_are_those_of_the_dense_noise(problem):
         for knot, share in ((left, 1 - part), (left + 1, part)):
             j[:, i, o + 3 * knot : o + 3 * knot + 3] += projection.point[..., i] * share
     j, r = j.reshape(2 * n, -1), projection.residual.ravel()
-    noise = dense_noise(projection, weighted, problem.s)
+    noise = dense_noise(weighted, problem)
     inverse = np.linalg.inv(noise)
     scale = np.abs(j.T @ inverse @ j).max()
     assert found.information == pytest.approx(j.T @ inverse @ j, abs=1e-9 * scale)
