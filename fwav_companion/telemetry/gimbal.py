@@ -191,10 +191,11 @@ class Gimbal:
             return Reason.GIMBAL_HORIZON
         return GimbalAt(q, rates, sigma, gap_s, tilt_sigma)
 
-    def reported_at(self, boot_ns: BootNs, autopilot: Clock) -> ReportedGimbal | Reason:
+    def reported_at(self, boot_ns: BootNs, autopilot: Clock, body: AttitudeAt | Unpaired) -> ReportedGimbal | Reason:
         """The attitude between two reports at this instant of the autopilot's clock, its yaw as reported.
 
-        STALE_GIMBAL while no report lies beyond the instant.
+        ``body``: the vehicle's attitude then, by which angles that count from the body are levelled. STALE_GIMBAL while
+        no report lies beyond the instant.
         """
         stamp, newest = self._stamp_of(boot_ns, autopilot), self._series.newest
         if stamp is None or newest is None:
@@ -205,7 +206,13 @@ class Gimbal:
         if isinstance(found, Reason):
             return Reason.NO_GIMBAL
         look, rates, sigma, _ = found
-        return ReportedGimbal(look.q, look.from_north, hypot(sigma, norm(rates) * stamp[1]))
+        q = look.q
+        if not (look.from_north or self._counts_from_horizon(look)):
+            if isinstance(body, Unpaired):
+                return Reason.NO_GIMBAL
+            heading = heading_only(matrix_from_quaternion(body.ned_from_body))
+            q = multiply(conjugate(heading), multiply(body.ned_from_body, q))
+        return ReportedGimbal(q, look.from_north, hypot(sigma, norm(rates) * stamp[1]))
 
     def status(self, now: HostNs) -> GimbalReport:
         """Part of the status: the newest attitude, and the uncertainty between two."""
@@ -252,6 +259,11 @@ class Gimbal:
         trusted = not self._by_autopilot or look.tilt_sigma > 0.0
         return look.from_north or self._horizon.levelled(locked=look.locked, trusted=trusted)
 
+    def _counts_from_horizon(self, look: GimbalAttitude) -> bool:
+        """The likelier reading of roll and pitch."""
+        levelled = self._levelled(look)
+        return look.locked if levelled is None else levelled
+
     def _with_vehicle_turned(
         self, look: GimbalAttitude, rates: Vector3, body: AttitudeAt
     ) -> tuple[Quaternion, Vector3, float]:
@@ -261,9 +273,8 @@ class Gimbal:
         ned_from_body = matrix_from_quaternion(body.ned_from_body)
         level = multiply(heading_only(ned_from_body), look.q)
         tilted = multiply(body.ned_from_body, look.q)
-        levelled = self._levelled(look)
-        other = norm(difference(level, tilted)) if levelled is None else 0.0
-        if levelled or (levelled is None and look.locked):
+        other = norm(difference(level, tilted)) if self._levelled(look) is None else 0.0
+        if self._counts_from_horizon(look):
             turn: Vector3 = (0.0, 0.0, heading_rate(ned_from_body, body.rates))
             return level, add(rates, rotations.rotate(conjugate(level), turn)), other
         return tilted, add(rates, rotations.rotate(conjugate(look.q), body.rates)), other

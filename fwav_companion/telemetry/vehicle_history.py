@@ -172,7 +172,9 @@ class VehicleHistory:
 
     def gimbal_at(self, boot_ns: BootNs) -> ReportedGimbal | Reason:
         """Attitude between two reports of the gimbal that carries the camera, or the reason why it is not known."""
-        return Reason.NO_GIMBAL if self._gimbal is None else self._gimbal.reported_at(boot_ns, self._clock)
+        if self._gimbal is None:
+            return Reason.NO_GIMBAL
+        return self._gimbal.reported_at(boot_ns, self._clock, self.attitudes.at(boot_ns))
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""

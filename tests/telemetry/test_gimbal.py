@@ -20,6 +20,7 @@ from gimbals import (
 from scipy.spatial.transform import Rotation, Slerp
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
@@ -40,16 +41,26 @@ def test_between_two_messages_it_is_where_slerp_has_it():
 
 @pytest.mark.parametrize(("flags", "from_north"), [(EARTH, True), (32, False)])
 def test_reported_attitude_keeps_its_own_zero_of_yaw(flags, from_north):
-    found = fed(flags=flags).reported_at(BootNs(round((BOOT_S + 4.1) * 1e9)), autopilot_clock())
+    found = fed(flags=flags).reported_at(BootNs(round((BOOT_S + 4.1) * 1e9)), autopilot_clock(), LEVEL)
     w, x, y, z = found.attitude
     assert (Rotation.from_quat([x, y, z, w]).inv() * look(4.1)).magnitude() < 5e-4
     assert found.from_north is from_north
 
 
+def test_reported_attitude_that_counts_from_the_body_is_levelled():
+    """By the vehicle's tilt, its yaw still from the vehicle's heading."""
+    banked = Rotation.from_euler("ZYX", [70.0, 10.0, -20.0], degrees=True)
+    body, gimbal = AttitudeAt(quaternion(banked), (0.0, 0.0, 0.0), 0.0, 0.0), fed(flags=32)
+    found = gimbal.reported_at(BootNs(round((BOOT_S + 4.1) * 1e9)), autopilot_clock(), body)
+    w, x, y, z = found.attitude
+    level = Rotation.from_euler("Z", 70.0, degrees=True).inv() * banked * look(4.1)
+    assert (Rotation.from_quat([x, y, z, w]).inv() * level).magnitude() < 5e-4
+
+
 def test_reported_attitude_beyond_the_newest_report_is_still_to_come():
     gimbal = fed()
-    assert gimbal.reported_at(BootNs(round((BOOT_S + 5.1) * 1e9)), autopilot_clock()) is Reason.STALE_GIMBAL
-    assert Gimbal(154).reported_at(BootNs(0), autopilot_clock()) is Reason.NO_GIMBAL
+    assert gimbal.reported_at(BootNs(round((BOOT_S + 5.1) * 1e9)), autopilot_clock(), LEVEL) is Reason.STALE_GIMBAL
+    assert Gimbal(154).reported_at(BootNs(0), autopilot_clock(), LEVEL) is Reason.NO_GIMBAL
 
 
 def test_doubt_grows_with_the_motion_the_gap_and_the_doubt_about_the_clock():
