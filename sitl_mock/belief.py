@@ -47,6 +47,13 @@ class Belief:
         """True state at an instant, without any error."""
         return self._flight.at(flight_s)
 
+    def own_state(self, flight_s: float) -> State:
+        """True state with the attitude that the autopilot believes, without its noise."""
+        state, b = self._flight.at(flight_s), self._biases
+        errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
+        roll, pitch, yaw = (angle + radians(error) for angle, error in zip(state.euler, errors, strict=True))
+        return state._replace(euler=(roll, pitch, yaw))
+
     def attitude(self, flight_s: float) -> tuple[Vector, Vector]:
         """Estimated (roll, pitch, yaw) and filtered body rates at an instant, rad and rad/s."""
         b, noise = self._biases, self._o.priors.attitude_noise_deg

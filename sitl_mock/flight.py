@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from math import atan, atan2, cos, hypot, pi, radians, sin
 from random import Random
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from sitl_mock.clock import SimulatorTime
 from sitl_mock.hand import Hand
 from sitl_mock.options import FlightOptions
 from sitl_mock.patterns import Path, Pattern
 from sitl_mock.rotation import Matrix, Vector, body_rates, matrix_from_euler
+from sitl_mock.slow_drift import SlowDrift
 
 GRAVITY = 9.80665
 
@@ -32,46 +33,23 @@ class State(NamedTuple):
         return matrix_from_euler(*self.euler)
 
 
-class SlowDrift:
-    """Smooth drift without direction: three sines with incommensurate periods, RMS about ``size``."""
+class PathSource(Protocol):
+    """A path over the ground."""
 
-    def __init__(self, size: float, rng: Random) -> None:
-        terms = [
-            (size * share, 2.0 * pi / period, rng.uniform(0.0, 2.0 * pi))
-            for share, period in ((1.0, 23.7), (0.8, 11.3), (0.6, 6.1))
-        ]
-        self._sizes = tuple(size for size, _, _ in terms)
-        self._phases = tuple(number for _, w, phase in terms for number in (w, phase))
-        self._rates = tuple(size * w for size, w, _ in terms)
-
-    def at(self, t: float) -> tuple[float, float]:
-        """(value, rate). Unrolled, because a gyro evaluates it two thousand times a second."""
-        u, i, v, j, w, k = self._phases
-        a, b, c = self._sizes
-        d, e, f = self._rates
-        x, y, z = u * t + i, v * t + j, w * t + k
-        return a * sin(x) + b * sin(y) + c * sin(z), d * cos(x) + e * cos(y) + f * cos(z)
-
-    def value(self, t: float) -> float:
-        """Value alone: a picture does not depend on the rate."""
-        u, i, v, j, w, k = self._phases
-        a, b, c = self._sizes
-        return a * sin(u * t + i) + b * sin(v * t + j) + c * sin(w * t + k)
-
-    def rate(self, t: float) -> float:
-        """Rate alone: the yaw itself does not matter to a gyro."""
-        u, i, v, j, w, k = self._phases
-        d, e, f = self._rates
-        return d * cos(u * t + i) + e * cos(v * t + j) + f * cos(w * t + k)
+    def at(self, flight_s: float) -> Path:
+        """Path at an instant."""
 
 
 class Flight:
     """The vehicle's motion; instants may be evaluated in any order."""
 
-    def __init__(self, options: FlightOptions, seed: int) -> None:
+    def __init__(self, options: FlightOptions, seed: int, course: PathSource | None = None) -> None:
+        """``course``: replaces the pattern."""
         self._o = options
-        self._pattern = Pattern(options)
-        usual = {"orbit": "centre", "hover": "fixed", "hand": "fixed"}.get(options.pattern, "course")
+        self._pattern: PathSource = course or Pattern(options)
+        usual = {"orbit": "centre", "hover": "fixed", "hand": "fixed", "landing": "fixed"}.get(
+            options.pattern, "course"
+        )
         self._heading = options.heading or usual
         rng = Random(f"{seed}/flight")
         self._wander = [SlowDrift(options.wander_m if axis < 2 else options.wander_m / 2.0, rng) for axis in range(3)]
@@ -127,9 +105,10 @@ class Flight:
             by_hand = self._hand.angles(t)
             roll, pitch = roll + by_hand[0][0], pitch + by_hand[1][0]
         (level_roll, level_pitch), (flap_roll, flap_pitch) = self._level, self._flap
+        tilt_roll, _, tilt_pitch, _ = path.tilt
         return (
-            roll + level_roll + self._bank(path) + flap_roll * sin(stroke + self._phases[1]),
-            pitch + level_pitch + flap_pitch * sin(stroke),
+            roll + level_roll + self._bank(path) + tilt_roll + flap_roll * sin(stroke + self._phases[1]),
+            pitch + level_pitch + tilt_pitch + flap_pitch * sin(stroke),
             self._yaw(t, path),
         )
 
@@ -162,11 +141,12 @@ class Flight:
             roll_rate, pitch_rate = roll_rate + by_hand[0][1], pitch_rate + by_hand[1][1]
             yaw_rate += by_hand[2][1]
         roll_phase = stroke + self._phases[1]
+        tilt_roll, tilt_roll_rate, tilt_pitch, tilt_pitch_rate = path.tilt
         return (
-            roll + level_roll + bank + flap_roll * sin(roll_phase),
-            roll_rate + bank_rate + flap_roll * stroke_rate * cos(roll_phase),
-            pitch + level_pitch + flap_pitch * sin(stroke),
-            pitch_rate + flap_pitch * stroke_rate * cos(stroke),
+            roll + level_roll + bank + tilt_roll + flap_roll * sin(roll_phase),
+            roll_rate + bank_rate + tilt_roll_rate + flap_roll * stroke_rate * cos(roll_phase),
+            pitch + level_pitch + tilt_pitch + flap_pitch * sin(stroke),
+            pitch_rate + tilt_pitch_rate + flap_pitch * stroke_rate * cos(stroke),
             yaw_rate + course_rate,
         )
 
@@ -238,8 +218,10 @@ class Flight:
 class SimulatedFlight(Flight):
     """The motion in a simulator whose time is not the host's; velocities and rates are per second of its own."""
 
-    def __init__(self, options: FlightOptions, seed: int, time: SimulatorTime) -> None:
-        super().__init__(options, seed)
+    def __init__(
+        self, options: FlightOptions, seed: int, time: SimulatorTime, course: PathSource | None = None
+    ) -> None:
+        super().__init__(options, seed, course)
         self._time = time
 
     def at(self, flight_s: float) -> State:

@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from typing import Any, Literal
 
 from sitl_mock.autopilot_options import AutopilotOptions
+from sitl_mock.lander_options import LanderOptions
 from sitl_mock.option_types import (
     FrameRate,
     NotNegative,
@@ -84,11 +85,11 @@ class Biases:
 class FlightOptions:
     """Motion of the vehicle, about a flight centre on the ground."""
 
-    pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand", "waypoints"] = "orbit"
+    pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand", "waypoints", "landing"] = "orbit"
     """hand: held by hand over the flight centre and shaken. waypoints: through ``waypoints``."""
     waypoints: tuple[Waypoint, ...] = ()
     """Waypoints of the pattern waypoints: minimum-jerk segments between them; ``height_m`` and the heading options do
-    not apply then."""
+    not apply then. landing: a copter that flies by LANDING_TARGET, with the options ``lander``."""
     heading: Literal["", "course", "centre", "fixed"] = ""
     """Heading mode. Empty: the pattern's own (orbit: centre; hover and hand: fixed; else course)."""
     centre: tuple[float, float] = (40.0, -25.0)
@@ -298,6 +299,7 @@ class Options:
     camera: CameraOptions = field(default_factory=CameraOptions)
     gimbal: GimbalOptions = field(default_factory=GimbalOptions)
     surface: SurfaceOptions = field(default_factory=SurfaceOptions)
+    lander: LanderOptions = field(default_factory=LanderOptions)
     targets: tuple[TargetOptions, ...] = (TargetOptions(),)
     downlink: WireOptions = field(default_factory=WireOptions)
     uplink: WireOptions = field(default_factory=WireOptions)

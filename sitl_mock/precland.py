@@ -11,6 +11,8 @@ from typing import Any
 from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.belief import Belief
 from sitl_mock.codec import Heard
+from sitl_mock.flight import State
+from sitl_mock.lander import Lander
 from sitl_mock.landing import CONSUMERS, Situation
 from sitl_mock.radio import Radio
 from sitl_mock.rotation import minus, norm
@@ -32,12 +34,13 @@ class PrecisionLanding:
         flight_s: Callable[[int], float],
         peer_ns: Callable[[int], int | None],
         radio: Radio,
+        lander: Lander | None = None,
     ) -> None:
         """``peer_ns``: converts a host instant to the clock that answers the autopilot's TIMESYNC; None before the
-        first answer.
+        first answer. ``lander``: follows what is accepted.
         """
         self._o, self._belief, self._scene = options, belief, scene
-        self._flight_s, self._peer_ns, self._radio = flight_s, peer_ns, radio
+        self._flight_s, self._peer_ns, self._radio, self._lander = flight_s, peer_ns, radio, lander
         self.name = options.landing_consumer or ("px4" if options.firmware == "px4" else "ardupilot_new")
         self._consume = CONSUMERS[self.name]
         self.accepted: list[dict[str, Any]] = []
@@ -48,19 +51,37 @@ class PrecisionLanding:
         if self.name != "px4" and not self._o.precland_enabled:
             self.refused["not_enabled"] += 1
             return
-        t, belief = self._flight_s(now_ns), self._belief
-        situation = Situation(
-            belief.truth(t - self._o.precland_lag_s),
-            belief.truth(t),
-            belief.range_m(t) * max(0.0, belief.truth(t).ned_from_body[2][2]),
-            belief.projection,
-            belief.world,
-        )
-        landing = self._consume(heard.fields, situation)
+        t = self._flight_s(now_ns)
+        landing = self._consume(heard.fields, self._situation(t, self._belief.truth))
         if landing.position is None:
             self._refuse(landing.reason, now_ns)
         else:
             self._accept(heard, t, landing.position, now_ns)
+            if self._lander is not None:
+                self._follow(heard, t, self._lander)
+
+    def report(self, now_ns: int) -> None:
+        """Sends the lander's texts."""
+        if self._lander is not None:
+            for text in self._lander.texts:
+                self._radio.statustext(INFO, text, now_ns)
+            self._lander.texts.clear()
+
+    def _situation(self, t: float, state_at: Callable[[float], State]) -> Situation:
+        """The vehicle at an instant by these states."""
+        belief, lagged, now = self._belief, state_at(t - self._o.precland_lag_s), state_at(t)
+        height_m = belief.range_m(t) * max(0.0, now.ned_from_body[2][2])
+        return Situation(lagged, now, height_m, belief.projection, belief.world)
+
+    def _follow(self, heard: Heard, t: float, lander: Lander) -> None:
+        """Hands the vector to the lander as the autopilot rotates it: by its own attitude, not by the true one."""
+        own = self._situation(t, self._belief.own_state)
+        position = self._consume(heard.fields, own).position
+        if position is not None:
+            stamp_ms = heard.fields["time_usec"] // 1000
+            vector = minus(position, own.lagged.position)
+            self.accepted[-1]["followed"] = (own.lagged.flight_s, *vector)
+            lander.hear(vector, stamp_ms, own.lagged.flight_s)
 
     def summary(self) -> dict[str, Any]:
         """Summary for the truth file."""
@@ -79,7 +100,7 @@ class PrecisionLanding:
             self._radio.statustext(WARNING, "Plnd: Frame not supported", now_ns)
 
     def _accept(self, heard: Heard, t: float, position: tuple[float, float, float], now_ns: int) -> None:
-        if not self.accepted and self.name != "px4":
+        if not self.accepted and self.name != "px4" and self._lander is None:
             self._radio.statustext(INFO, "PrecLand: Target Found", now_ns)
         if len(self.accepted) >= KEPT:
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sitl_mock.copter_scenarios import COPTER_SCENARIOS
+from sitl_mock.landing_scenarios import LANDING_SCENARIOS
 from sitl_mock.options import Options, WireOptions
 from sitl_mock.target_options import TargetOptions
 
@@ -228,6 +229,7 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         {"targets": (TargetOptions(label="person", north=-4.0, speed_m_s=1.5, leg_m=8.0),)},
     ),
     **COPTER_SCENARIOS,
+    **LANDING_SCENARIOS,
 }
 """name: (one-line description, differences from the default)."""
 

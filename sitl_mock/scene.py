@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, pi, radians, sin
 
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector
 from sitl_mock.surface import Surface
-from sitl_mock.target_options import TargetOptions
+from sitl_mock.target_options import HEAVE_S, TargetOptions
 
 CORNERS: tuple[Vector, ...] = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0))
 """Corners of a block in shares of its width, width and height, from the middle of its base."""
@@ -18,7 +18,8 @@ class Target:
 
     def __init__(self, options: TargetOptions, centre: tuple[float, float], surface: Surface) -> None:
         self.label = options.label
-        self.walks = options.speed_m_s != 0.0
+        self.walks = options.speed_m_s != 0.0 or options.heave_m != 0.0
+        self._heave_m = options.heave_m
         north, east = centre[0] + options.north, centre[1] + options.east
         self._surface, self._up = surface, options.up
         self._start = (north, east, -options.up - surface.height_m(north, east))
@@ -35,7 +36,8 @@ class Target:
             return self._start
         t = self._walked_s(flight_s)
         north, east = self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t
-        return (north, east, -self._up - self._surface.height_m(north, east))
+        heave_m = self._heave_m * sin(2.0 * pi * flight_s / HEAVE_S)
+        return (north, east, -self._up - heave_m - self._surface.height_m(north, east))
 
     def corner_at(self, corner: Vector, flight_s: float) -> Vector:
         """A corner of a block, NED, metres."""

@@ -13,6 +13,7 @@ from sitl_mock.clock import BootClock, SimulatorTime
 from sitl_mock.draws import draw
 from sitl_mock.earth import Place, World
 from sitl_mock.flight import Flight, SimulatedFlight, State
+from sitl_mock.lander import Lander
 from sitl_mock.options import Options
 from sitl_mock.scene import targets
 from sitl_mock.surface import Surface
@@ -72,17 +73,17 @@ class Simulation:
         autopilot = options.autopilot
         time = SimulatorTime(autopilot.clock_rate, autopilot.clock_slips)
         simulated = autopilot.clock_rate != 1.0 or bool(autopilot.clock_slips)
-        self.flight = (
-            SimulatedFlight(options.flight, options.seed, time) if simulated else Flight(options.flight, options.seed)
-        )
+        self.scene = targets(options)
+        self.lander = Lander(options, self.scene[0]) if options.flight.pattern == "landing" else None
+        motion = (options.flight, options.seed)
+        self.flight = SimulatedFlight(*motion, time, self.lander) if simulated else Flight(*motion, self.lander)
         self.world = World(Place(*options.origin))
         self.surface = Surface(options)
-        self.scene = targets(options)
         boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
         self.clock = BootClock(self.start_host_ns, boot_ns, options.autopilot.drift_ppm, time)
         common = (options, self.biases, self.flight)
         self.vehicle = MockVehicle(
-            *common, self.world, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s
+            *common, self.world, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s, self.lander
         )
         self.camera = MockCamera(
             *common, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s, self.vehicle.belief.gimbal

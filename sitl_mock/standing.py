@@ -6,22 +6,27 @@ from typing import Any
 
 from sitl_mock.autopilot_options import AutopilotOptions
 
-FLAPPING_WING = 16
+QUADROTOR, FLAPPING_WING = 2, 16
 AUTOPILOTS = {"ardupilot": 3, "px4": 12, "inav": 0, "betaflight": 0}
 """MAV_AUTOPILOT; 0: GENERIC."""
 ARMED, STABILIZED, CUSTOM = 128, 16, 1
 
 
 def heartbeat(
-    options: AutopilotOptions, armed: bool, status: int | None = None, *, mode_changed: bool = False
+    options: AutopilotOptions,
+    armed: bool,
+    status: int | None = None,
+    *,
+    mode_changed: bool = False,
+    copter_mode: int | None = None,
 ) -> dict[str, Any]:
-    """HEARTBEAT fields of a flapping-wing vehicle. ``status``: None: by the arming."""
+    """HEARTBEAT fields of a flapping-wing vehicle, or of a copter in a mode. ``status``: None: by the arming."""
     px4 = options.firmware == "px4"
     return {
-        "type": FLAPPING_WING,
+        "type": FLAPPING_WING if copter_mode is None else QUADROTOR,
         "autopilot": AUTOPILOTS[options.firmware],
         "base_mode": CUSTOM | STABILIZED | (ARMED if armed else 0),
-        "custom_mode": (0x04040000 if px4 else 10) + mode_changed,
+        "custom_mode": ((0x04040000 if px4 else 10) if copter_mode is None else copter_mode) + mode_changed,
         "system_status": status if status is not None else 4 if armed else 3,
         "mavlink_version": 3,
     }

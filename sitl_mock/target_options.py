@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from sitl_mock.option_types import Positive
 
+HEAVE_S = 5.0
+"""Period of a small boat in waves."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PadTagOptions:
@@ -30,6 +33,8 @@ class TargetOptions:
     up: float = 0.0
     speed_m_s: float = 0.0
     course_deg: float = 0.0
+    heave_m: float = 0.0
+    """Amplitude of a deck's rise and fall, period HEAVE_S."""
     leg_m: float = 0.0
     """Length of a walk, then back again; 0: straight on."""
     height_m: float = 0.0

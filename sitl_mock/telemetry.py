@@ -39,11 +39,15 @@ class Telemetry:
         self._rng = Random(f"{options.seed}/stamps")
         self.armed = False
         self.mode_changed = False
+        self.mode: int | None = None
+        """Flight mode of a copter; None: the vehicle is not one."""
         self.status: int | None = None
         """System status in place of the usual one; None: as the arming says."""
         self.utc_minus_host_s = 0.0
         self._makers: dict[str, Callable[[int], Fields | None]] = {
-            "HEARTBEAT": lambda _: heartbeat(self._a, self.armed, self.status, mode_changed=self.mode_changed),
+            "HEARTBEAT": lambda _: heartbeat(
+                self._a, self.armed, self.status, mode_changed=self.mode_changed, copter_mode=self.mode
+            ),
             "ATTITUDE": self._attitude,
             "ATTITUDE_QUATERNION": self._attitude_quaternion,
             "GLOBAL_POSITION_INT": self._global_position,

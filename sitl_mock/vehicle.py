@@ -19,6 +19,7 @@ from sitl_mock.follow_mode import FollowMode
 from sitl_mock.gimbal import BEHIND_AUTOPILOT
 from sitl_mock.gimbal_component import GimbalComponent
 from sitl_mock.gimbal_manager import GimbalManager
+from sitl_mock.lander import Lander
 from sitl_mock.options import Options
 from sitl_mock.others import Others
 from sitl_mock.parameters import Parameters
@@ -32,6 +33,11 @@ from sitl_mock.wire import Wire
 Handler = Callable[[Heard, int], None]
 REBOOT_AFTER_NS = 100_000_000
 """Delay of a reboot, nanoseconds: the command is acknowledged first."""
+LOITER, LAND = 5, 9
+"""Flight modes of a copter."""
+DISARM_DELAY_S = 1.5
+"""Time on the ground after which a copter in LAND disarms."""
+WATCHED_EVERY_NS = 50_000_000
 
 
 class MockVehicle:
@@ -47,6 +53,7 @@ class MockVehicle:
         clock: BootClock,
         start_host_ns: int,
         unix_minus_host_s: float = 0.0,
+        lander: Lander | None = None,
     ) -> None:
         self._o, self._clock, self._agenda = options, clock, Agenda()
         self._uplink = Wire(options.uplink, start_host_ns, Random(f"{options.seed}/uplink"))
@@ -60,7 +67,10 @@ class MockVehicle:
         self._broadcast = Broadcast(options, self._telemetry, self._agenda, radio)
         flight_s = self._telemetry.flight_s
         self.timesync = Timesync(options, clock, self._agenda, radio, start_host_ns)
-        self.precland = PrecisionLanding(options.autopilot, self.belief, scene, flight_s, self.timesync.peer_ns, radio)
+        self.precland = PrecisionLanding(
+            options.autopilot, self.belief, scene, flight_s, self.timesync.peer_ns, radio, lander
+        )
+        self._lander = lander
         self._others = Others(options, self._broadcast, flight_s, self._agenda, radio, start_host_ns)
         if options.gimbal.device_id > BEHIND_AUTOPILOT:
             GimbalComponent(options, self.belief.gimbal, flight_s, self._agenda, radio, start_host_ns)
@@ -107,6 +117,9 @@ class MockVehicle:
         ):
             if at_s:
                 self._agenda.at(start_ns + round(at_s * 1e9), change)
+        if self._lander is not None:
+            self._telemetry.mode = LOITER
+            self._agenda.at(start_ns + round(o.lander.at_s * 1e9), self._land)
         for reboot_s in o.others.reboots_at_s:
             self._agenda.at(start_ns + round(reboot_s * 1e9), self._reboot)
 
@@ -117,6 +130,21 @@ class MockVehicle:
     def _change_mode(self, at_ns: int) -> None:
         self._telemetry.mode_changed = True
         self._broadcast.send("HEARTBEAT", at_ns)
+
+    def _land(self, at_ns: int) -> None:
+        self._telemetry.mode = LAND
+        self._broadcast.send("HEARTBEAT", at_ns)
+        if self._lander is not None:
+            self._watch_landing(self._lander, at_ns)
+
+    def _watch_landing(self, lander: Lander, at_ns: int) -> None:
+        """Sends the lander's texts, and disarms it once it is down."""
+        self.precland.report(at_ns)
+        touchdown = lander.touchdown
+        if touchdown is not None and self._telemetry.flight_s(at_ns) - touchdown.at_s > DISARM_DELAY_S:
+            self._arm(False, at_ns)
+            return
+        self._agenda.at(at_ns + WATCHED_EVERY_NS, partial(self._watch_landing, lander))
 
     def _change_status(self, at_ns: int) -> None:
         self._telemetry.status = self._o.autopilot.status_then

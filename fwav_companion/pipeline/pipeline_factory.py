@@ -129,6 +129,7 @@ def make_pipeline(
         locate=None if camera is None else camera.look.locate,
         state_at=telemetry.state_at,
         local_position_at=telemetry.local_position_at,
+        moved_between=telemetry.moved_between,
         look_at=None if camera is None else camera.look.aim,
         geoid=geoid_undulation_m,
     )

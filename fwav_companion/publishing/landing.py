@@ -17,11 +17,13 @@ from fwav_companion.publishing import enums
 from fwav_companion.publishing.landing_claim import image_motion_m_s, is_nearer, landing_sigma_m
 from fwav_companion.publishing.landing_reports import LandingReports, LandingSight, Refusal, Withheld, landing_sight
 from fwav_companion.publishing.landing_vector import (
+    MovedBetween,
     StateAt,
     at_landing_point,
     by_fix,
     in_body,
     landing_fields,
+    moved_since,
     relative_to_vehicle,
     state_when_used,
 )
@@ -65,11 +67,13 @@ class Landing:
         options: PublishOptions,
         state_at: StateAt | None = None,
         local_position_at: LocalPositionAt | None = None,
+        moved_between: MovedBetween | None = None,
         notify: Callable[[Notice], None] | None = None,
     ):
         self._options = options
         self._state_at = state_at
         self._local_position_at = local_position_at
+        self._moved_between = moved_between
         self._notify = notify
         self._track: Track | None = None
         """Newest report of the target, possibly its last one."""
@@ -260,10 +264,11 @@ class Landing:
     def _relative(self, track: Track, state: VehicleState) -> Vector3 | None:
         """The vector from the vehicle to the landing point, NED, metres; None without a known height."""
         fix, camera_m = self._fix, self._options.camera_position_m
+        moved_m = moved_since(fix, state, self._moved_between)
         if fix is not None and is_nearer(fix, track):
-            return by_fix(fix, track, state, camera_m)
+            return by_fix(fix, track, state, camera_m, moved_m)
         relative = relative_to_vehicle(track, fix, state, camera_m)
-        return relative if relative is None else at_landing_point(relative, fix, state, camera_m)
+        return relative if relative is None else at_landing_point(relative, fix, state, camera_m, moved_m)
 
     def _uncertain(
         self, track: Track, state: VehicleState, situation: Situation, *, motion_m_s: float, by_attitude_m: float

@@ -25,10 +25,14 @@ from fwav_companion.types.tracks import Track
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 """Vehicle state at an instant of the autopilot's clock, or the reason why it is not known."""
+MovedBetween: TypeAlias = Callable[[BootNs, BootNs], Vector3 | None]
+"""The vehicle's way between two instants by its reported velocities, NED, metres; None where they are not known."""
 
 MAX_BRIDGED_S = 0.1
 """Longest extrapolation of an attitude by its rates, seconds: half a beat at 5 Hz. Beyond it the extrapolation does not
 hold for a flapping body."""
+MEAN_S = 0.1
+"""Longest time over which the mean of two velocities is the way: one interval of the usual stream of positions."""
 LEAST_SIDEWAYS = 1e-6
 """Horizontal part of a unit ray below which it is only rounding."""
 
@@ -72,9 +76,9 @@ def relative_to_vehicle(
     return add(from_camera, rotate(state.ned_from_body, camera_position_m))
 
 
-def by_fix(fix: GroundFix, track: Track, state: VehicleState, camera_position_m: Vector3) -> Vector3:
+def by_fix(fix: GroundFix, track: Track, state: VehicleState, camera_position_m: Vector3, moved_m: Vector3) -> Vector3:
     """The vector from the vehicle to the landing point by one fix alone, NED, metres: the target minus the vehicle at
-    the fix, less what they have moved since by their velocities.
+    the fix, less ``moved_m``, what the vehicle has moved since, and with what the target has.
     """
     before = fix.sighting.state
     age_s = s_from_ns(state.boot_ns - before.boot_ns)
@@ -82,32 +86,40 @@ def by_fix(fix: GroundFix, track: Track, state: VehicleState, camera_position_m:
         relative = add(fix.position_ned, rotate(before.ned_from_body, camera_position_m))
     else:
         relative = subtract(fix.position_ned, before.position_ned)
-    relative = subtract(relative, scale(_mean_velocity(before, state), age_s))
+    relative = subtract(relative, moved_m)
     if track.velocity_ned is not None:
         relative = add(relative, scale(track.velocity_ned, age_s))
-    return at_landing_point(relative, fix, state, camera_position_m)
+    return at_landing_point(relative, fix, state, camera_position_m, moved_m)
 
 
 def at_landing_point(
-    relative_ned: Vector3, fix: GroundFix | None, state: VehicleState, camera_position_m: Vector3
+    relative_ned: Vector3, fix: GroundFix | None, state: VehicleState, camera_position_m: Vector3, moved_m: Vector3
 ) -> Vector3:
     """The vector to a target's foot as one to the landing point, whose height a tag's size has measured in the fix.
 
-    Since the fix the vehicle has moved down by its velocity: the noise of its reported height is not in the vector.
+    Since the fix the vehicle has moved by ``moved_m``: the noise of its reported height is not in the vector.
     """
     if fix is None or fix.best_height_m is None:
         return relative_ned
-    before = fix.sighting.state
-    age_s = s_from_ns(state.boot_ns - before.boot_ns)
-    sunk_m = age_s * _mean_velocity(before, state)[2]
     arm_m = rotate(state.ned_from_body, camera_position_m)[2]
-    return (relative_ned[0], relative_ned[1], fix.best_height_m + arm_m - sunk_m)
+    return (relative_ned[0], relative_ned[1], fix.best_height_m + arm_m - moved_m[2])
 
 
-def _mean_velocity(before: VehicleState, after: VehicleState) -> Vector3:
-    """The mean velocity between two states, NED, m/s; zero where it is not known."""
+def moved_since(fix: GroundFix | None, after: VehicleState, moved_between: MovedBetween | None) -> Vector3:
+    """What the vehicle has moved since a fix by its velocities, NED, metres; zero where they are not known.
+
+    All velocities in between count, once there are several: each alone has the noise of a report.
+    """
+    if fix is None:
+        return ZERO3
+    before = fix.sighting.state
+    age_s = s_from_ns(after.boot_ns - before.boot_ns)
+    if moved_between is not None and age_s > MEAN_S:
+        moved_m = moved_between(before.boot_ns, after.boot_ns)
+        if moved_m is not None:
+            return moved_m
     known = [each for each in (before.velocity_ned, after.velocity_ned) if each is not None]
-    return ZERO3 if not known else scale(add(known[0], known[-1]), 0.5)
+    return ZERO3 if not known else scale(add(known[0], known[-1]), 0.5 * age_s)
 
 
 def in_body(relative_ned: Vector3, state: VehicleState) -> Vector3:

@@ -16,7 +16,7 @@ from fwav_companion.publishing.enums import MAV_TYPE_GCS
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, LocalPositionAt
-from fwav_companion.publishing.landing_vector import StateAt
+from fwav_companion.publishing.landing_vector import MovedBetween, StateAt
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection, Spots, seniority
 from fwav_companion.publishing.target_report import track_report
@@ -49,7 +49,7 @@ class Publisher:
     ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures. ``spots``:
     follows clicked spots that are not tracks. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
     will use; without it the newest state is extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
-    ``local_position_at``: PX4's own local position at an instant.
+    ``local_position_at``: PX4's own local position at an instant. ``moved_between``: the vehicle's way by velocities.
     ``look_at``: where the camera looks; ``geoid``: for heights on maps where the autopilot gives no ellipsoid height.
     """
 
@@ -59,6 +59,7 @@ class Publisher:
         locate: Locate | None = None,
         state_at: StateAt | None = None,
         local_position_at: LocalPositionAt | None = None,
+        moved_between: MovedBetween | None = None,
         spots: Spots | None = None,
         look_at: LookAt | None = None,
         geoid: GeoidHeight | None = None,
@@ -66,7 +67,9 @@ class Publisher:
         self._options = options
         self._selection = Selection(options)
         self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
-        self.landing = Landing(options, state_at, local_position_at, self._notices.append)
+        self.landing = Landing(
+            options, state_at, local_position_at, moved_between=moved_between, notify=self._notices.append
+        )
         self._tag_range = TagRange(options.camera_position_m, options.companion_component)
         self._camera = CameraComponent(options, self._selection, locate, self._notices.append, spots)
         self._target_notices = TargetNotices()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
+from itertools import pairwise
 from typing import TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs
+from fwav_companion.geometry.vectors import Vector3
 
 Values: TypeAlias = tuple[float, ...]
 
@@ -86,6 +88,24 @@ class HermiteSeries:
         if index == len(self._times):
             return self._beyond(boot_ns)
         return self._between(index - 1, boot_ns)
+
+    def way_between(self, start_ns: BootNs, end_ns: BootNs) -> Vector3 | None:
+        """Change of the first three values from one instant to a later one, by the integral of their reported rates
+        alone; None where they are not known. A jump of the values is no change of what they measure.
+        """
+        first, last = self.at(start_ns), self.at(end_ns)
+        if first is None or last is None:
+            return None
+        inner = slice(bisect_right(self._times, start_ns), bisect_left(self._times, end_ns))
+        times = [start_ns, *self._times[inner], end_ns]
+        rates = [first.rates, *(rates for _, rates in self._samples[inner]), last.rates]
+        north = east = down = 0.0
+        for (t0, r0), (t1, r1) in pairwise(zip(times, rates, strict=True)):
+            half_s = 0.5e-9 * (t1 - t0)
+            north, east, down = (
+                north + half_s * (r0[0] + r1[0]), east + half_s * (r0[1] + r1[1]), down + half_s * (r0[2] + r1[2])
+            )  # fmt: skip
+        return north, east, down
 
     def _beyond(self, boot_ns: BootNs, last: int = -1) -> HermitePoint | None:
         """The values from one sample alone, the newest or the last before a jump."""

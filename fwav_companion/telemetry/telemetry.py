@@ -241,6 +241,10 @@ class Telemetry:
         """
         return self._kept.local_position_at(boot_ns)
 
+    def moved_between(self, start_ns: BootNs, end_ns: BootNs) -> Vector3 | None:
+        """The vehicle's way from one instant to a later one by its reported velocities, NED, metres."""
+        return self._kept.positions.way_between(start_ns, end_ns)
+
     @property
     def undulation_m(self) -> float | None:
         """Geoid above ellipsoid at the vehicle from its receiver, metres; None where the receiver has no such value."""

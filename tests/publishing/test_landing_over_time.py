@@ -128,3 +128,23 @@ def test_landing_target_without_a_position_is_the_last_fix_of_a_pad(world):
     track = world.track(position_ned=(1.6, 0.5, 0.0), fix=sized, relative_cov=world.diagonal(0.01, 0.01, 0.01))
     fields = landing.on_tracks((track,), world.situation(plane=None, vehicle=hovering)).fields
     assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([1.3, 0.5, 2.0])
+
+
+def test_way_since_an_old_fix_is_that_of_all_velocities_since(world):
+    """The vehicle has moved by 0.4 m since the fix; the two velocities at the ends alone would say 0.05 m."""
+    ways, before = [], world.NOW - 1_000_000_000
+
+    def moved_between(start_ns, end_ns):
+        ways.append((end_ns - start_ns) * 1e-9)
+        return (0.4, 0.0, 0.1)
+
+    landing = Landing(OPTIONS, moved_between=moved_between)
+    landing.lag_s = 0.0
+    slow = {"velocity": (0.05, 0.0, 0.0)}
+    fix = world.fix((4.0, 3.0, 0.0), at=before, cov=world.diagonal(0.05, 0.05, 0.05))
+    at_fix = world.state(before, position=(1.0, 0.0, -8.0), **slow)
+    sized = structs.replace(fix, best_height_m=6.0, sighting=structs.replace(fix.sighting, state=at_fix))
+    now = world.state(position=(1.4, 0.0, -7.9), **slow)
+    fields = landing.on_tracks((world.track(fix=sized, at=before),), world.situation(vehicle=now)).fields
+    assert ways == pytest.approx([1.0])
+    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([2.6, 3.0, 5.9])

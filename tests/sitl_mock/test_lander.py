@@ -1,0 +1,111 @@
+"""The mock's copter that lands by LANDING_TARGET: its estimate's time line, its descent, and where it comes down."""
+
+from math import hypot
+
+import pytest
+
+from sitl_mock import scenario, simulate
+from sitl_mock.lander import LAND_SPEED_M_S
+from sitl_mock.precland_filter import FOUND, FOUND_S, GAP_S, LOST, LOST_S, RelativeTarget
+from sitl_mock.rotation import minus
+
+STEP_S = 1.0 / 30.0
+START = scenario("land").but({"lander.gust_m_s2": 0.0})
+
+
+def landed(until_s=60.0, off_m=(0.0, 0.0), options=START, seen=lambda t: True):
+    """A flight whose lander hears the exact vector at each frame in which the pad is seen, off by a distance."""
+    mock = simulate(options)
+    pad = mock.scene[0]
+    for frame in range(int(until_s / STEP_S)):
+        t = frame * STEP_S
+        north, east, down = minus(pad.at(t), mock.flight.at(t).position)
+        if seen(t):
+            mock.lander.hear((north + off_m[0], east + off_m[1], down), frame, t)
+        if mock.lander.touchdown is not None:
+            break
+    return mock.lander
+
+
+def test_copter_with_exact_vectors_comes_down_on_the_pad():
+    lander = landed()
+    assert lander.touchdown.miss_m < 0.01
+    assert lander.texts == [FOUND]
+
+
+def test_copter_comes_down_where_its_vectors_point():
+    north, east = landed(off_m=(0.3, -0.2)).touchdown.off_m
+    assert north == pytest.approx(0.3, abs=0.02)
+    assert east == pytest.approx(-0.2, abs=0.02)
+
+
+def test_copter_without_a_vector_lands_where_it_was_held():
+    touchdown = landed(seen=lambda t: False).touchdown
+    assert touchdown.off_m == pytest.approx(START.flight.offset_m, abs=0.01)
+    fall_s = (START.flight.height_m - START.lander.gear_m) / LAND_SPEED_M_S
+    assert touchdown.at_s - START.lander.at_s == pytest.approx(fall_s, abs=1.0)
+
+
+def test_copter_that_loses_its_target_lands_where_it_is_then():
+    lander = landed(seen=lambda t: t < 8.0)
+    assert lander.texts == [FOUND, LOST]
+    assert lander.touchdown.miss_m < hypot(*START.flight.offset_m)
+
+
+def test_copter_moves_along_with_a_moving_deck_and_comes_down_on_it():
+    options = scenario("land_boat").but({"lander.gust_m_s2": 0.0})
+    assert landed(options=options).touchdown.miss_m < 0.05
+
+
+def test_velocity_and_rates_are_the_derivatives_of_the_motion():
+    flight, h = simulate(START).flight, 1e-4
+    for t in (7.003, 8.5061, 11.25):
+        before, now, after = (flight.at(t + d) for d in (-h, 0.0, h))
+        slope = [(b - a) / (2.0 * h) for a, b in zip(before.position, after.position, strict=True)]
+        assert now.velocity == pytest.approx(slope, abs=1e-3)
+        roll_rate = (after.euler[0] - before.euler[0]) / (2.0 * h)
+        assert now.rates[0] == pytest.approx(roll_rate, abs=5e-3)
+
+
+def heard(target, from_s, to_s, place=(1.0, 2.0)):
+    """The texts while a target is heard at each frame from one time to another."""
+    texts = []
+    for frame in range(round(from_s / STEP_S), round(to_s / STEP_S)):
+        texts += target.advance(frame * STEP_S)
+        target.hear(place, 3.0, frame, frame * STEP_S)
+    return texts
+
+
+def test_target_is_found_after_two_seconds_of_vectors():
+    target = RelativeTarget()
+    assert heard(target, 0.0, FOUND_S - 0.1) == []
+    assert target.followed is None
+    assert heard(target, FOUND_S - 0.1, FOUND_S + 0.1) == [FOUND]
+    assert target.followed[0] == pytest.approx((1.0, 2.0))
+
+
+def test_gap_before_it_is_found_begins_the_two_seconds_again():
+    target = RelativeTarget()
+    heard(target, 0.0, FOUND_S - 0.1)
+    target.advance(FOUND_S + GAP_S)
+    assert heard(target, FOUND_S + GAP_S, FOUND_S + GAP_S + 1.5) == []
+
+
+def test_target_is_lost_two_seconds_after_its_last_vector():
+    target = RelativeTarget()
+    heard(target, 0.0, 3.0)
+    assert target.advance(3.0 + LOST_S - 0.1) == []
+    assert target.advance(3.0 + LOST_S + 0.1) == [LOST]
+    assert target.followed is None
+
+
+def test_stamp_that_stands_still_is_one_vector():
+    target = RelativeTarget()
+    assert target.hear((0.0, 0.0), 3.0, 7, 0.0)
+    assert not target.hear((0.0, 0.0), 3.0, 7, 0.0)
+
+
+def test_three_outliers_in_a_row_are_rejected_and_the_fourth_is_taken():
+    target = RelativeTarget()
+    heard(target, 0.0, 3.0)
+    assert [target.hear((2.0, 2.0), 3.0, stamp, 3.0) for stamp in range(1000, 1004)] == [False, False, False, True]
