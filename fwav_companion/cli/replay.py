@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Iterator, Sequence
 
+    from fwav_companion.cli.replay_inputs import ReplayInputs
     from fwav_companion.recording.exports import Export
     from fwav_companion.recording.line_types import Line
     from fwav_companion.recording.summary_types import ErrorsObject, SummaryLine
+    from fwav_companion.tools.report import RecordedMessages
     from fwav_companion.tools.report.writer import ReportWriter
     from fwav_companion.types.flight_status import LandmarkReport
 
@@ -140,6 +142,7 @@ def _replay(arguments: argparse.Namespace) -> int:
             others=others,
             truth=given.truth,
             notes=given.recording.notes,
+            recorded=_recorded_messages(given),
         )
         print(path, file=stream)
     for mistake in mistakes:
@@ -155,6 +158,18 @@ def _report_writer() -> ReportWriter:
     from fwav_companion.tools.report.writer import ReportWriter  # here: most replays have no report
 
     return ReportWriter()
+
+
+def _recorded_messages(given: ReplayInputs) -> RecordedMessages | None:
+    """The messages of a recording that may hold a landing; None for photographs."""
+    from fwav_companion.pipeline.pipeline_factory import own_components
+    from fwav_companion.replay import Recording
+    from fwav_companion.tools.report import RecordedMessages
+
+    if not isinstance(given.recording, Recording):
+        return None
+    own, label = own_components(given.config), given.config.publish.landing_label
+    return RecordedMessages(given.recording.messages, own, label)
 
 
 def _title(telemetry: Path) -> str:

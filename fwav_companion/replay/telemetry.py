@@ -39,6 +39,8 @@ times the range of crystals, and chance."""
 MEDIAN_SIGMA = 1.858
 """One sigma of a median of Gaussians, in units of the median absolute deviation over sqrt(n): 1.4826 sqrt(pi / 2)."""
 
+READ = WANTED | {"LANDING_TARGET"}
+"""Names of the messages that are decoded: those of a flight, and what the report shows of a landing."""
 Timed = tuple[int, Message]
 """(Unix microseconds, message)."""
 
@@ -143,6 +145,6 @@ def of_log(
 def _decoded(scanner: Scanner, data: bytes, foreign: ForeignBytes) -> Iterator[Message]:
     """The wanted messages in these bytes; ``foreign`` counts all frames."""
     for frame in scanner.feed(data):
-        if frame.definition is not None and frame.definition.name in WANTED:
+        if frame.definition is not None and frame.definition.name in READ:
             yield decode(frame, foreign=foreign)
         foreign.add(frame.system, frame.data)

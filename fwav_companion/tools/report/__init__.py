@@ -8,6 +8,7 @@ from fwav_companion.tools.report.calibration_section import calibration_section
 from fwav_companion.tools.report.comparison import comparison
 from fwav_companion.tools.report.diagnostics import diagnostics
 from fwav_companion.tools.report.flight_data import CameraPicture, FlightData, PlantedErrors, flight_data
+from fwav_companion.tools.report.landing_record import RecordedMessages
 from fwav_companion.tools.report.page import SecondFlight, page
 from fwav_companion.tools.report.summary_section import SecondResult
 from fwav_companion.tools.report.target_series import ReplayedLines
@@ -30,6 +31,7 @@ __all__ = [
     "CameraPicture",
     "FlightData",
     "PlantedErrors",
+    "RecordedMessages",
     "ReplayedLines",
     "SecondFlight",
     "SecondResult",

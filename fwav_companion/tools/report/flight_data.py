@@ -24,6 +24,7 @@ from fwav_companion.recording.line_types import (
 from fwav_companion.recording.summary_types import SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report.final_section import FinalTarget, final_targets
+from fwav_companion.tools.report.landing_record import LandingRecord, RecordedMessages, landing_record
 from fwav_companion.tools.report.series_builder import target_series
 from fwav_companion.tools.report.sighting_statistics import (
     budget95_m,
@@ -155,6 +156,8 @@ class FlightData(msgspec.Struct, frozen=True, kw_only=True):
     """Name of that other variant; empty: this replay."""
     planted: PlantedErrors | None
     landmarks: list[LandmarkSeries] = []
+    landing: LandingRecord | None = None
+    """What the recording holds of a landing; None without LANDING_TARGET."""
     final: list[FinalTarget] = []
     """Targets by the whole flight; empty where they were estimated live alone."""
 
@@ -186,9 +189,12 @@ def flight_data(
     picture: CameraPicture | None = None,
     hidden: Mapping[str, str] | None = None,
     notes: Iterable[str] = (),
+    recorded: RecordedMessages | None = None,
 ) -> FlightData:
     """The flight in the lines of a replay with sightings, header first; ``others``: the recording tracked in other
     variants.
+
+    ``recorded``: the recording's messages where it may hold a landing.
     """
     header, end_line = lines[0], lines[-1]
     if not isinstance(header, HeaderLine):
@@ -230,6 +236,7 @@ def flight_data(
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
+        landing=None if recorded is None else landing_record(lines, recorded, start),
         final=final_targets(lines, targets),
         landmarks=_landmarks(header.config.get("landmark", ()), summary, plane),
     )

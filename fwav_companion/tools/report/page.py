@@ -13,6 +13,7 @@ from fwav_companion.tools.report.error_budget import budget_figure, budget_secti
 from fwav_companion.tools.report.error_section import error_section
 from fwav_companion.tools.report.final_section import final_section
 from fwav_companion.tools.report.flight_data import FlightData
+from fwav_companion.tools.report.landing_section import landing_section
 from fwav_companion.tools.report.map_section import map_section
 from fwav_companion.tools.report.page_elements import document
 from fwav_companion.tools.report.summary_section import SecondResult, summary_section
@@ -34,6 +35,7 @@ def page(flight: FlightData, more: Iterable[str] = (), second: SecondFlight | No
         summary_section(flight, second.result if second else None),
         map_section(flight, budget),
         f'<div class="chapter">{"".join(second.sections)}</div>' if second else "",
+        landing_section(flight.landing),
         final_section(flight.final),
         variants_section(flight),
         calibration_section(flight),

@@ -130,6 +130,7 @@ th{font-weight:600;text-align:right;color:var(--soft);font-size:13px}
 td,th{padding:6px 10px 6px 0;border-bottom:1px solid var(--line);text-align:right}
 td:first-child,th:first-child{text-align:left}td,.broad th{white-space:nowrap}figure td:first-child{white-space:normal}
 .reasons td:last-child{text-align:left;white-space:normal;padding-left:18px;color:var(--soft)}
+.reasons th:last-child{text-align:left;padding-left:18px}
 .reasons td:nth-child(2){width:70px}
 .wrapped td:first-child,.wrapped td:last-child{white-space:normal;overflow-wrap:anywhere}
 .good{color:var(--good);font-weight:600}.off{color:var(--other);font-weight:600}

@@ -19,6 +19,7 @@ from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
     VARIANTS,
     FlightData,
+    RecordedMessages,
     ReplayedLines,
     comparison,
     diagnostics,
@@ -75,10 +76,17 @@ class ReportWriter:
         others: Sequence[ReplayedLines],
         truth: Sequence[TruthPoint],
         notes: Sequence[str],
+        recorded: RecordedMessages | None = None,
     ) -> Path:
         """The path of the report that was written. InputFileError where the folder cannot be written."""
         flight = flight_data(
-            self._lines, title=title, variant=variant_of(config), others=others, truth=truth, notes=notes
+            self._lines,
+            title=title,
+            variant=variant_of(config),
+            others=others,
+            truth=truth,
+            notes=notes,
+            recorded=recorded,
         )
         return write_page(folder / "report.html", page(flight, diagnostics(self._lines)))
 
