@@ -23,50 +23,12 @@ from msgspec import inspect
 
 from fwav_companion.cli.main import COMMANDS, main
 from fwav_companion.config import Config
-from fwav_companion.tools.doctor.detection_findings import DETECTION_REFUSALS, FRAME_REFUSALS
 from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.report.reason_table import REASONS
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.scenarios import SCENARIOS
 
-REMEDIES: Final[Mapping[Reason, str]] = {
-    Reason.NO_MONOTONIC_MAP: "record `time_unix`, or use the service's own recording",
-    Reason.TOO_MANY_FRAMES: "a lower frame rate; check that frames are not sent twice",
-    Reason.LOW_SCORE: "intended; else lower [detections] min_score",
-    Reason.OTHER_LABEL: "intended; else add the label to [detections] labels",
-    Reason.NO_CLOCK: "wait some seconds; if it stays so, check that our TX reaches the autopilot's RX",
-    Reason.NO_ATTITUDE: "let the autopilot send ATTITUDE or ATTITUDE_QUATERNION on this link",
-    Reason.BEFORE_HISTORY: "check the detector's stamps: they are older than the service's memory of attitudes",
-    Reason.NO_GIMBAL: "check gimbal_device_id and that the gimbal reports its attitude",
-    Reason.STALE_GIMBAL: "raise the rate of the gimbal's attitude",
-    Reason.GIMBAL_GAP: "raise the rate of the gimbal's attitude, or turn it more slowly",
-    Reason.GIMBAL_HORIZON: "tilt the vehicle by some degrees for some seconds, or set [camera.mount] levelled",
-    Reason.GIMBAL_FLAGS: "update the gimbal's firmware",
-    Reason.GIMBAL_SETPOINT: "have the gimbal send GIMBAL_DEVICE_ATTITUDE_STATUS",
-    Reason.NO_POSITION: 'wait for GPS; [vehicle] position = "none" where there is none on purpose',
-    Reason.NO_POSE: "add the photograph's row to the file of poses",
-    Reason.PART_OF_PAD: "nothing: the tag counts",
-    Reason.NO_PAD_POSE: "let the detector send `corners`",
-    Reason.TAG_COPY: "usual where a tag is shown on a screen or mirrored",
-    Reason.CONTRADICTS_PAD: "measure the tag's place, turn and size, and correct [[pad]] tags",
-    Reason.ABOVE_HORIZON: "usual in turns; if always, check [camera.mount]",
-    Reason.TOO_SHALLOW: "fly higher or look further down",
-    Reason.TOO_LOW: "usual on the ground; else [ground] min_height_m",
-    Reason.NO_HEIGHT: "wait for the position; check the ground model's source of height",
-    Reason.RANGE_TILTED: "usual in steep turns",
-    Reason.TWO_GROUNDS: "look further down, or use a finer elevation model",
-    Reason.NO_TERRAIN: "use files without voids, or a coarser file beside them",
-    Reason.WEAK_EVIDENCE: "usual when a target comes into view again, and near the ground",
-    Reason.NEVER_CONFIRMED: "usual for false detections",
-    Reason.NOT_SEEN: "usual when a target left or was a false detection",
-    Reason.NOT_SEEN_LONG: "usual when the vehicle flew on",
-    Reason.VEHICLE_CHANGED: "nothing: tracks of the other vehicle do not hold",
-    Reason.INTERNAL_FAULT: "report the log: it has the fault",
-    Reason.ORIGIN_SET: "wait for GPS before take-off to avoid it",
-    Reason.REPLACED: "nothing: the senior track goes on",
-    Reason.TOO_MANY_TRACKS: "raise the detector's threshold or [detections] min_score",
-}
-"""What to do about a reason that `check` does not judge."""
 FOLDER: Final = Path(__file__).parent / "reference"
 HELP_COLUMNS: Final = "100"
 """Width at which argparse wraps its help."""
@@ -223,11 +185,7 @@ def reasons_page() -> str:
         "# Reasons\n\nEvery frame, detection and track without a result has one of these reasons. Each is "
         "counted under its name in `dropped` of the status file and of a replay's summary.\n"
     )
-    fixes = dict(REMEDIES) | {
-        reason: fix for table in (FRAME_REFUSALS, DETECTION_REFUSALS) for reason, (_, _, fix) in table.items()
-    }
-    meanings = attribute_docstrings(getsource(Reason))
-    rows = [row(f"`{reason.value}`", meanings[reason.name], fixes[reason]) for reason in Reason]
+    rows = [row(f"`{reason.value}`", REASONS[reason].meaning, REASONS[reason].remedy) for reason in Reason]
     return "\n".join([intro, "| reason | meaning | what to do |", "|---|---|---|", *rows, ""])
 
 

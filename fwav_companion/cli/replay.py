@@ -245,9 +245,9 @@ def _print_summary(summary: SummaryLine, stream: TextIO) -> None:
 
 def _explained(reason: str) -> str:
     """The reason in words after a colon, or ""."""
-    from fwav_companion.tools.report.wording import REASONS
+    from fwav_companion.tools.report.reason_table import words_of
 
-    return f": {REASONS.get(reason, '')}".rstrip(": ")
+    return f": {words_of(reason)}".rstrip(": ")
 
 
 def _print_landmarks(landmarks: Sequence[LandmarkReport], stream: TextIO) -> None:

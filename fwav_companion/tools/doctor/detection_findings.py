@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import labels_heard
+from fwav_companion.tools.report.reason_table import REASONS, judged_reasons
 from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 
@@ -26,103 +27,6 @@ WINDOW_S: Final = 2.0
 MOST_DRIFT: Final = 0.03
 """Largest rate error of a clock: a queue that builds up mostly grows faster."""
 
-FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
-    Reason.MALFORMED: (
-        Level.ERROR,
-        "are not JSON of the documented form",
-        "one JSON object a datagram, with detections: []",
-    ),
-    Reason.NO_TIME: (
-        Level.ERROR,
-        "do not hold exactly one time",
-        "one of time_unix, time_monotonic, time_boot: when the picture was taken",
-    ),
-    Reason.WRONG_UNITS: (
-        Level.ERROR,
-        "have stamps in other units than seconds",
-        "divide: milliseconds by 1e3, microseconds by 1e6, nanoseconds (libcamera's SensorTimestamp) by 1e9",
-    ),
-    Reason.WRONG_SIZE: (
-        Level.ERROR,
-        "are of another shape than the calibration",
-        "calibrate at the shape (width : height) that the detector sees, or send the right size",
-    ),
-    Reason.TOO_MANY_DETECTIONS: (
-        Level.ERROR,
-        "have more than 256 detections",
-        "let the detector send its 256 best: a threshold of the score, and non-maximum suppression",
-    ),
-    Reason.DUPLICATE_FRAME: (
-        Level.ERROR,
-        "have the number and the time of an earlier one",
-        "send each frame once, with the time of its own capture; check that no second detector sends here",
-    ),
-    Reason.FROM_THE_FUTURE: (
-        Level.ERROR,
-        "have stamps later than their arrival",
-        "stamp with this board's own clock; a detector on another computer: time_boot or NTP",
-    ),
-    Reason.ACROSS_CLOCK_STEP: (
-        Level.WARNING,
-        "were stamped across a step of the wall clock",
-        "stamp with time_monotonic: it is never stepped",
-    ),
-    Reason.OVERLOAD: (
-        Level.WARNING,
-        "came faster than this board handles them",
-        "send fewer frames, or fewer detections in each ([detections] min_score, labels)",
-    ),
-    Reason.TOO_LATE: (
-        Level.ERROR,
-        "arrived more than 0.5 s after their capture, or 2.5 s where LANDING_TARGET is sent",
-        "a faster detector or a smaller image; check that the stamp is that of the capture",
-    ),
-}
-"""Findings by the reason for which frames are refused: level, what these frames are or do, and what to change."""
-DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
-    Reason.NOT_FINITE: (Level.ERROR, "hold NaN or infinity", "send only finite numbers"),
-    Reason.STALE_ATTITUDE: (
-        Level.WARNING,
-        "had no attitude near their capture",
-        "see the findings about rates and loss; gaps of the link and reboots of the autopilot do the same",
-    ),
-    Reason.ATTITUDE_GAP: (
-        Level.WARNING,
-        "were taken where attitudes are too far apart for the vehicle's motion",
-        "[rates] attitude higher, ten times the flapping at least; see the findings about rates and loss",
-    ),
-    Reason.OUTSIDE_IMAGE: (
-        Level.WARNING,
-        "lie outside the image",
-        "u and v are pixels of the picture whose size is sent",
-    ),
-    Reason.OUTSIDE_LENS: (
-        Level.WARNING,
-        "lie beyond the angle for which the lens is calibrated",
-        "calibrate with the board in the image's corners too, or raise max_angle_deg where the fit is known to hold",
-    ),
-    Reason.BEYOND_TERRAIN: (
-        Level.WARNING,
-        "look beyond the elevation model",
-        "add the neighbouring files to [ground] terrain",
-    ),
-    Reason.NO_TERRAIN: (
-        Level.WARNING,
-        "meet a void of the elevation model",
-        "use files without voids in [ground] terrain, or a coarser file beside them",
-    ),
-    Reason.TERRAIN_UNFIT: (
-        Level.ERROR,
-        "meet an elevation model that disagrees with the take-off height",
-        "[ground] terrain_datum: the datum of the files' heights",
-    ),
-    Reason.NO_RANGE: (
-        Level.WARNING,
-        "had no rangefinder reading at their capture",
-        "check that DISTANCE_SENSOR arrives, and that the rangefinder looks down",
-    ),
-}
-"""Findings by the reason for which single detections are refused, in the same form."""
 FILTERS: Final = (Reason.LOW_SCORE, Reason.OTHER_LABEL)
 SKYWARD: Final = (Reason.ABOVE_HORIZON, Reason.TOO_SHALLOW)
 
@@ -131,27 +35,26 @@ def detection_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     """Yield why frames and detections are not used; nothing for a relay."""
     if not evidence.config.localizes or evidence.files.calibration is None:
         return
-    yield from _refused(FRAME_REFUSALS, status, max(status.intake.came, status.frames), "frames")
+    yield from _refused(judged_reasons("frame"), status, max(status.intake.came, status.frames), "frames")
     yield from _stamps(status)
     yield from _growing_age(status)
-    yield from _refused(DETECTION_REFUSALS, status, judged_detections(status), "detections")
+    yield from _refused(judged_reasons("detection"), status, judged_detections(status), "detections")
     yield from _filtered(evidence, status)
 
 
 def judged_detections(status: RunStatus) -> int:
     """Return how many detections were used or refused for a reason of their own, start-up apart."""
-    return status.fixes + status.refused(*DETECTION_REFUSALS, *FILTERS, *SKYWARD)
+    return status.fixes + status.refused(*judged_reasons("detection"), *FILTERS, *SKYWARD)
 
 
-def _refused(
-    refusals: Mapping[Reason, tuple[Level, str, str]], status: RunStatus, came: int, things: str
-) -> Iterator[Finding]:
-    for reason, (level, problem, fix) in refusals.items():
-        count = status.refused(reason)
-        if count >= FEW and count > SHARE * came:
-            most = count > MOST * came
-            text = f"{count} of {max(came, count)} {things} {problem}"
-            yield Finding(reason.value, level if most else Level.WARNING, "detections", problem=text, fix=fix)
+def _refused(reasons: Iterable[Reason], status: RunStatus, came: int, things: str) -> Iterator[Finding]:
+    """The findings of the table of reasons: at the reason's level where it costs most of the ``things``."""
+    for reason in reasons:
+        count, entry = status.refused(reason), REASONS[reason]
+        if entry.level is not None and count >= FEW and count > SHARE * came:
+            level = Level(entry.level) if count > MOST * came else Level.WARNING
+            text = f"{count} of {max(came, count)} {things} {entry.problem}"
+            yield Finding(reason.value, level, "detections", problem=text, fix=entry.remedy)
 
 
 def _stamps(status: RunStatus) -> Iterator[Finding]:

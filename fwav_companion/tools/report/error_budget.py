@@ -8,7 +8,8 @@ from math import hypot
 
 from fwav_companion.tools.report.flight_data import FlightData
 from fwav_companion.tools.report.page_elements import figure, row, section
-from fwav_companion.tools.report.wording import CAUSE_NAMES, REASONS, length, spaced
+from fwav_companion.tools.report.reason_table import words_of
+from fwav_companion.tools.report.wording import CAUSE_NAMES, length, spaced
 
 SMALLEST_M = 0.005
 """Smallest error with a bar, metres."""
@@ -74,7 +75,6 @@ def not_used_section(flight: FlightData) -> str:
 
 def _reason_rows(what: str, counts: Mapping[str, int]) -> str:
     return "".join(
-        f"<tr><td>{what}</td><td>{escape(spaced(reason))}</td><td>{count}</td>"
-        f"<td>{escape(REASONS.get(reason, ''))}</td></tr>"
+        f"<tr><td>{what}</td><td>{escape(spaced(reason))}</td><td>{count}</td><td>{escape(words_of(reason))}</td></tr>"
         for reason, count in sorted(counts.items(), key=lambda item: -item[1])
     )

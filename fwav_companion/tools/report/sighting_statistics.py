@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 
 from fwav_companion.recording.line_types import SightingLine
-from fwav_companion.types import Reason
+from fwav_companion.tools.report.reason_table import reasons_of
 
 CAUSES = ("position", "heading", "attitude", "mount", "height", "time", "pixel", "terrain", "target")
 """Causes in the error budget of a fix, as a recording names them."""
@@ -18,12 +18,6 @@ ROUND_95, LINE_95 = 1.7308, 1.9600
 error is equal in all directions, the normal quantile where it lies along a line. Every other ellipse is in between."""
 PATH_GAP_S = 1.0
 """Time without a sighting that splits the estimated path, seconds."""
-FRAME_REASONS = frozenset({
-    Reason.MALFORMED, Reason.NO_TIME, Reason.NO_MONOTONIC_MAP, Reason.WRONG_UNITS, Reason.WRONG_SIZE,
-    Reason.FROM_THE_FUTURE, Reason.ACROSS_CLOCK_STEP, Reason.TOO_MANY_DETECTIONS, Reason.TOO_MANY_FRAMES,
-    Reason.OVERLOAD, Reason.TOO_LATE, Reason.DUPLICATE_FRAME, Reason.NO_CLOCK, Reason.INTERNAL_FAULT,
-})  # fmt: skip
-"""Reasons that refuse a whole frame."""
 
 
 def estimated_path(used: Sequence[SightingLine]) -> list[list[tuple[float, float]]]:
@@ -74,9 +68,9 @@ def refused_detections(sightings: Sequence[SightingLine], dropped: Mapping[str, 
     sighting line. One reason occurs in both ways (``not_finite``: a pixel or a stamp); it counts as detections where
     each has its sighting line.
     """
-    lines = Counter(line.reason for line in sightings)
+    lines, of_frames = Counter(line.reason for line in sightings), reasons_of("frame")
     return {
         reason: count
         for reason, count in dropped.items()
-        if reason not in FRAME_REASONS and (not sightings or lines[reason] == count)
+        if reason not in of_frames and (not sightings or lines[reason] == count)
     }

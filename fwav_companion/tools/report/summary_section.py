@@ -10,9 +10,10 @@ from statistics import median
 import msgspec
 
 from fwav_companion.tools.report.flight_data import FlightData
+from fwav_companion.tools.report.reason_table import words_of
 from fwav_companion.tools.report.target_series import SeriesPoint, TargetSeries
 from fwav_companion.tools.report.tracking_variants import PLAIN
-from fwav_companion.tools.report.wording import CAUSE_NAMES, REASONS, length, spaced
+from fwav_companion.tools.report.wording import CAUSE_NAMES, length, spaced
 
 
 class SecondResult(msgspec.Struct, frozen=True):
@@ -118,7 +119,7 @@ def _why_nothing(flight: FlightData) -> str:
     if not counts:
         return f"No target was found: {flight.detections} detections were too few, or did not agree."
     count, reason, what = max(counts)
-    return f"No target was found. Most frequent reason, {count} {what}: {REASONS.get(reason, f'{spaced(reason)}.')}"
+    return f"No target was found. Most frequent reason, {count} {what}: {words_of(reason) or f'{spaced(reason)}.'}"
 
 
 def _limit(flight: FlightData) -> str:

@@ -8,7 +8,8 @@ from typing import Any, Final
 import msgspec
 
 from fwav_companion.tools.report.calibration_section import STATUSES
-from fwav_companion.tools.report.wording import REASONS, length, spaced
+from fwav_companion.tools.report.reason_table import words_of
+from fwav_companion.tools.report.wording import length, spaced
 from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer
 from fwav_companion.tools.study.distributions import IntervalEstimate
@@ -259,4 +260,4 @@ def _curve_lines(answer: StudyAnswer) -> Iterator[str]:
 
 def no_answer_words(name: str) -> str:
     """A reason why a flight has no answer, as a sentence."""
-    return NO_ANSWER.get(name) or REASONS.get(name, f"{spaced(name)}.")
+    return NO_ANSWER.get(name) or words_of(name) or f"{spaced(name)}."

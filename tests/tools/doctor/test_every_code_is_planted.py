@@ -5,7 +5,8 @@ from pathlib import Path
 
 import fwav_companion.tools.doctor
 from fwav_companion.tools.doctor.causes import CAUSES
-from fwav_companion.tools.doctor.detection_findings import DETECTION_REFUSALS, FILTERS, FRAME_REFUSALS
+from fwav_companion.tools.doctor.detection_findings import FILTERS
+from fwav_companion.tools.report.reason_table import judged_reasons
 
 DOCTOR = Path(fwav_companion.tools.doctor.__file__).parent
 TESTS = [Path(__file__).parent, Path(__file__).parents[2] / "cli"]
@@ -29,7 +30,8 @@ def named():
 
 
 def every_code():
-    return {*named(), "above_horizon", *(reason.value for reason in (*FRAME_REFUSALS, *DETECTION_REFUSALS, *FILTERS))}
+    judged = (*judged_reasons("frame"), *judged_reasons("detection"), *FILTERS)
+    return {*named(), "above_horizon", *(reason.value for reason in judged)}
 
 
 def test_every_code_is_planted():

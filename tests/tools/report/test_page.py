@@ -20,9 +20,7 @@ from fwav_companion.tools.report import (
 )
 from fwav_companion.tools.report.comparison import ConfigDifference
 from fwav_companion.tools.report.page_elements import STYLE
-from fwav_companion.tools.report.sighting_statistics import CAUSES, FRAME_REASONS
-from fwav_companion.tools.report.wording import REASONS
-from fwav_companion.types import Reason
+from fwav_companion.tools.report.sighting_statistics import CAUSES
 
 EVIL = "</title></svg><script src=//x>&\"'"
 ORIGIN = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
@@ -103,25 +101,6 @@ def test_a_reason_of_both_is_one_of_detections_where_each_has_its_line(with_sigh
     lines = [header(), *approach([1.0]), sighting(), *[sighting(reason="not_finite")] * with_sightings]
     text = Markup(page(flight_of([*lines, summary(dropped={"not_finite": 2})]))).text
     assert f"{kind}not finite2" in text
-
-
-def test_each_reason_is_of_frames_of_detections_or_of_tracks():
-    """A new reason needs its place in FRAME_REASONS, or in one of these."""
-    detections = {
-        "not_finite", "outside_image", "low_score", "other_label", "no_attitude", "stale_attitude", "attitude_gap",
-        "before_history", "no_gimbal", "stale_gimbal", "gimbal_flags",
-        "gimbal_gap", "gimbal_horizon", "gimbal_setpoint",
-        "no_position", "outside_lens", "above_horizon", "too_shallow",
-        "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "no_terrain",
-        "terrain_unfit", "two_grounds", "no_pose",
-        "weak_evidence",
-        "part_of_pad", "no_pad_pose", "tag_copy", "contradicts_pad",
-    }  # fmt: skip
-    tracks = {"never_confirmed", "not_seen", "not_seen_long", "origin_set", "autopilot_rebooted", "replaced",
-              "too_many_tracks", "vehicle_changed"}  # fmt: skip
-    assert {reason.value for reason in Reason} - tracks == detections | FRAME_REASONS
-    assert not detections & FRAME_REASONS
-    assert {*REASONS} == detections | FRAME_REASONS  # each is explained
 
 
 def test_whatever_a_recording_says_is_text():
