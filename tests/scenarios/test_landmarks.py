@@ -10,6 +10,7 @@ from statistics import median
 
 import numpy as np
 import pytest
+from draws import slow_of
 from flying import LINK, Companion
 from kept import kept
 from scipy.stats import binom, chi2
@@ -21,7 +22,9 @@ from sitl_mock.earth import Place
 SURVEY_M = 0.05
 MARKS = {"mark": (3.0, -2.0), "second": (-3.0, -2.0), "third": (0.0, 4.0)}
 TARGET = TargetOptions(label="target", north=-2.0, east=2.5)
-FLIGHTS, SECONDS = 30, 45.0
+SOME, MANY, SECONDS = 16, 30, 45.0
+"""Flights in the slow part and by night. Of 16 whose claims are half or twice the error, the sum of squares is outside
+its limits in 99 and 96 cases of a hundred."""
 OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
 
 
@@ -95,15 +98,15 @@ def assert_honest(results) -> None:
     assert low <= inside <= high
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
+@pytest.mark.parametrize("flights", slow_of(SOME, MANY, few=1))
 @pytest.mark.parametrize(("name", "settings", "error_m"), [("default", (), 0.16), ("figure_eight", CALIBRATED, 0.125)])
-def test_near_a_landmark_targets_are_right_to_a_decimetre_and_the_claim_says_so(name, settings, error_m):
+def test_near_a_landmark_targets_are_right_to_a_decimetre_and_the_claim_says_so(name, settings, error_m, flights):
     """On a receiver of 1 m, after 45 s; 0.05 m of it is the survey's own error, each axis. On an orbit at one speed an
     older position and another heading look alike: 5 and 10 m from the landmark the best estimate, of all errors
     together with sensitivities without noise, is off by 0.06 and 0.09 m.
     """
-    results = ends(name, (*KNOWN, *settings), FLIGHTS, CHEAP)
+    results = ends(name, (*KNOWN, *settings), flights, CHEAP)
     assert_honest(results)
     assert median(sigma for _, sigma, _ in results) < 0.12  # 1.1 m without a landmark
     assert median(error for error, _, _ in results) < error_m

@@ -1,4 +1,4 @@
-"""Parameters of which the default run takes the first few, and ``-m slow`` the others."""
+"""Parameters of which the default run takes the first few, ``-m slow`` the next, and ``-m nightly`` the others."""
 
 from __future__ import annotations
 
@@ -10,6 +10,14 @@ import pytest
 def first_of(*values: Any, few: int = 1) -> list[Any]:
     """Values for ``parametrize`` with one name: every value is a draw that tests the same claim."""
     return [*values[:few], *(pytest.param(value, marks=pytest.mark.slow) for value in values[few:])]
+
+
+def slow_of(*values: Any, few: int) -> list[Any]:
+    """Values for ``parametrize`` with one name: the slow run takes the first ``few``, the nightly run the others."""
+    return [
+        pytest.param(value, marks=pytest.mark.slow if k < few else pytest.mark.nightly)
+        for k, value in enumerate(values)
+    ]
 
 
 def first_rows_of(*rows: tuple[Any, ...], few: int = 1) -> list[Any]:
