@@ -1,7 +1,9 @@
 """The picture over Foxglove's WebSocket, read by a client made from its public protocol."""
 
 import asyncio
+import contextlib
 import json
+import socket
 import struct
 from itertools import count
 
@@ -14,6 +16,7 @@ from pymap3d import geodetic2enu
 
 from fwav_companion.errors import UserError
 from fwav_companion.ground.picture import GroundPicture
+from fwav_companion.ground.viewer_gate import MOST_VIEWERS, MOST_WAITING
 from fwav_companion.ground.viewer_output import SENT, ViewerOutput
 from fwav_companion.ground.views import EllipseView, TargetView
 from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
@@ -21,6 +24,11 @@ from fwav_companion.recording.exports.viewer_schemas import SCHEMAS, TOPICS
 QUICK = aiohttp.ClientWSTimeout(ws_close=0.02)  # the server waits before it answers a close
 NOW = 1_790_000_000.0
 TICKS = count(0.0, 0.5)
+UPGRADE = (
+    b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+)
 MESSAGE = 1
 """Opcode of a binary message: then the subscription (uint32), the time (uint64, ns), the payload."""
 
@@ -139,3 +147,28 @@ def test_port_that_is_taken_is_one_line(serving, picture):
     with pytest.raises(UserError, match=rf"^--foxglove 127.0.0.1:{port}: .+") as caught:
         ViewerOutput("127.0.0.1", port, picture).start()
     assert "\n" not in str(caught.value)
+
+
+def test_strangers_keep_few_connections_of_the_viewers_port_and_none_keeps_it_from_closing(picture):
+    """Any number was held, until no more files could be opened, and one half request kept `ground` from ending."""
+    port = free_port()
+    output = ViewerOutput("127.0.0.1", port, picture)
+    output.start()
+    half = [socket.create_connection(("127.0.0.1", port), 20.0) for _ in range(MOST_WAITING + 20)]
+    for each in half[:20]:
+        assert each.recv(100) == b"", "the oldest yield to the newest"
+    for each in half:
+        each.close()
+    held = socket.create_connection(("127.0.0.1", port), 20.0)
+    viewers = [socket.create_connection(("127.0.0.1", port), 20.0) for _ in range(MOST_VIEWERS)]
+    for each in viewers:
+        each.sendall(UPGRADE)
+        assert each.recv(100).startswith(b"HTTP/1.1 101")
+    with socket.create_connection(("127.0.0.1", port), 20.0) as refused:
+        refused.sendall(UPGRADE)
+        assert refused.recv(100) == b""
+    output.close()
+    for each in (held, *viewers):
+        with each, contextlib.suppress(ConnectionResetError):
+            while each.recv(65536):
+                pass
