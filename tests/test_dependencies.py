@@ -133,3 +133,8 @@ def test_no_text_names_the_project_as_if_an_index_had_it():
     files = [*PROJECT.glob("*.md"), *(PROJECT / "systemd").iterdir(), *(PROJECT / "fwav_companion").rglob("*")]
     for path in (path for path in files if path.suffix in {".md", ".py", ".toml", ".yaml", ".service"}):
         assert not re.search(r"fwav-companion\[|install fwav-companion\b", path.read_text()), path
+
+
+def test_every_library_that_a_flight_loads_has_an_upper_bound():
+    for each in map(Requirement, NEED):
+        assert {"<"} <= {specifier.operator for specifier in each.specifier}, each
