@@ -15,6 +15,8 @@ WINDOW = 6  # samples of an interpolation: flapping at 5 to 10 Hz is far from li
 _FAST_STEP_S = 2e-3  # half of the difference that gives the rate now
 _SLOW_STEP_S = 0.15  # half of the difference that gives the slow rate
 _MARGIN_S = 0.01
+_EDGE = 2  # samples at an end where an interpolation is one-sided
+_RATES_SPAN_S = 4 * _SLOW_STEP_S + 2 * _MARGIN_S
 _OFFSETS = np.arange(WINDOW)[:, None]
 _LEAST_INTERPOLATED = 2
 AWAITED = 2  # samples beyond a frame's capture that it waits for
@@ -32,6 +34,7 @@ class Attitudes:
         self._shift_s = -0.5 * stamp_delay_s
         self._samples = SampleBuffer(WINDOW + 4)  # barycentric factors of the window that ends here, quaternion
         self._newest: list[float] = []
+        self._rates_from = math.inf  # s; pruning does not move it
         self._last = [1.0, 0.0, 0.0, 0.0]
 
     def __len__(self) -> int:
@@ -49,6 +52,8 @@ class Attitudes:
         size = math.copysign(size, sum([a * float(b) for a, b in zip(self._last, q, strict=True)]))
         self._last = [float(c) / size for c in q]
         self._newest = [*self._newest[1 - WINDOW :], t]
+        if len(self._samples) == _EDGE:
+            self._rates_from = t + _RATES_SPAN_S
         self._samples.append(t, [*_barycentric_factors(self._newest), *self._last])
         return True
 
@@ -76,13 +81,18 @@ class Attitudes:
         """Whether an instant can be interpolated."""
         return len(self._samples) >= _LEAST_INTERPOLATED
 
+    @property
+    def rates_from(self) -> float:
+        """Instant from which rates are known by samples on both sides, s."""
+        return self._rates_from
+
     def shows_motion(self, until: float = math.inf) -> bool:
         """Whether a snapshot up to `until`, s, tells slow rates, and noise from motion: solves need both."""
         count = min(len(self._samples), self._samples.count_until(until) + AWAITED)
         if count < _LEAST_SAMPLES:
             return False
         times = self._samples.times
-        return float(times[count - 3] - times[2]) > 4 * _SLOW_STEP_S + 2 * _MARGIN_S
+        return float(times[count - 1 - _EDGE] - times[_EDGE]) > _RATES_SPAN_S
 
     @property
     def newest(self) -> float:

@@ -155,6 +155,9 @@ class Estimator:
 
     def record(self, s: Sightings) -> None:
         """Take sightings that the live filter has had already for the next solve."""
+        s = s.select(s.t >= self.carrier.rates_from)
+        if not len(s):
+            return
         self._new.append(s)
         self._has_new_target |= not self._solved.issuperset(s.target.tolist())
         if self._whole_flight is not None:

@@ -28,7 +28,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import ErrorAgeing, Wander, step_variance
+from fwav_companion.estimation.wander import ErrorAgeing, Wander, jump_variance
 
 TEACHING = 10  # targets whose sightings update the error and each other
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
@@ -62,6 +62,7 @@ class LiveFilter:
         )
         self._seen_t = t  # s, of the newest sighting or reading that corrected the error
         self._wander_as(in_solution(wanders, carrier, t))
+        self._stepped_s = t  # of the newest step of the report that is taken
         self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self.version = 0  # grows with every change of means or covariances
@@ -110,7 +111,10 @@ class LiveFilter:
         self._change_solution(t)
         self.version += 1
         if self.carrier.path.breaks:
-            self.covariance[e, e] += self.steps(t)
+            jump, variance = self.steps(t)
+            self.mean[e] += jump
+            self.covariance[e, e] += variance
+            self._stepped_s = max([b.after for b in self.carrier.path.breaks if b.after <= t], default=self._stepped_s)
         self.others.predict(t - self.t)
         self.t = t
 
@@ -118,9 +122,18 @@ class LiveFilter:
         """Factor (3,) on the error now and variance (3,) added by the time t, without further sightings."""
         return self._ageing.between(self.t - self._seen_t, max(t, self.t) - self._seen_t)
 
-    def steps(self, t: float) -> float:
-        """Variance (m^2) that steps of the report add from now to t."""
-        return sum([step_variance(b) for b in self.carrier.path.breaks if self.t < b.after <= t])
+    def steps(self, t: float) -> tuple[Array, float]:
+        """Steps of the report until t that are not taken yet, also such that became known after their instant: the
+        error's jump (3,) m, and the variance that they add, m^2.
+
+        The targets stay where they are: the error steps as the report does beyond its velocity.
+        """
+        jump, variance = np.zeros(3), 0.0
+        for b in self.carrier.path.breaks:
+            if self._stepped_s < b.after <= t:
+                jump[:2] += b.jump or (0.0, 0.0)
+                variance += jump_variance(b, self.model.noise.position_m)
+        return jump, variance
 
     def _change_solution(self, t: float) -> None:
         """Go over to the receiver's solution at t: what the best of both has in common stays (`wander.Pieces`)."""

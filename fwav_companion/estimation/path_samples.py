@@ -25,6 +25,7 @@ class PathBreak(NamedTuple):
     before: float  # s
     after: float  # s
     step_m: float
+    jump: tuple[float, float] | None = None  # m, north and east, beyond the velocity; None after a gap without samples
 
 
 class Accuracy(NamedTuple):
@@ -217,7 +218,8 @@ class Carrier:
         """The carrier as a frame of this stamp, s, has it in time: without what came since then, if it comes late."""
         if self.newest - stamp < _LATE_S:
             return self
-        return self.copy(Span(stamp, stamp - _RECENT_S))
+        known = self.copy(Span(stamp, stamp - _RECENT_S))
+        return known if known.ready else self
 
     def shows_motion(self, until: float = math.inf) -> bool:
         """Whether a snapshot up to `until`, s, has samples enough for a solve."""
@@ -233,6 +235,11 @@ class Carrier:
     def oldest(self) -> float:
         """Instant from which the attitudes have samples, s."""
         return max(self.body.oldest, self.attitudes.oldest)
+
+    @property
+    def rates_from(self) -> float:
+        """Instant from which rates are known, s: a solve takes no earlier sighting, whose delay it could not judge."""
+        return max(self.body.rates_from, self.attitudes.rates_from)
 
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Delete attitudes and readings further than the margin from all instants (n,), ascending."""

@@ -32,6 +32,11 @@ class PictureAttitudes(Attitudes):
         """Whether there is a picture."""
         return len(self) > 0
 
+    @property
+    def rates_from(self) -> float:
+        """Always: rates are not used."""
+        return -math.inf
+
     def shows_motion(self, until: float = math.inf) -> bool:  # noqa: ARG002
         """The same: rates are not used."""
         return self.ready

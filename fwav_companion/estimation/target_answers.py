@@ -18,11 +18,12 @@ def target_answers(live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
     motion = live.poses.motion(t)
     rows, added = _vehicle_rows(live, t, motion.velocity)
     (level, _), (up, _) = live.carrier.path.noise
-    vehicle = motion.at(t) - rows @ live.mean
+    jump, stepped = live.steps(t)
+    vehicle = motion.at(t) - rows @ live.mean - jump
     rows[2, HEIGHT] = 1.0
     vehicle[2] -= live.mean[HEIGHT]
     common = rows @ live.covariance @ rows.T
-    common[_AXES, _AXES] += added + np.array([level * level, level * level, up * up])
+    common[_AXES, _AXES] += added + stepped + np.array([level * level, level * level, up * up])
     answers = {}
     for numbers, mean, covariance, cross in live.places():
         place, own, by_base = _places_at(live, t, mean, covariance, cross)
@@ -41,7 +42,7 @@ def _vehicle_rows(live: LiveFilter, t: float, velocity: Array) -> tuple[Array, A
     rows = np.zeros((TARGET_SIZE, len(live.mean)))
     rows[_AXES, live.errors] = keep
     rows[:, POSITION_DELAY] = -velocity
-    return rows, added + live.steps(t)
+    return rows, added
 
 
 def _places_at(live: LiveFilter, t: float, mean: Array, covariance: Array, cross: Array) -> tuple[Array, Array, Array]:

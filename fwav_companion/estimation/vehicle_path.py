@@ -49,9 +49,12 @@ class VehiclePath:
             increments = chord(self._last_velocity, v, t - last)
             for axis, increment in zip(self._axes, increments, strict=True):
                 axis.predict(increment, t - last)
-            broken = reset or t - last > _LONGEST_GAP_S or self._is_step(place, increments)
+            is_gap = t - last > _LONGEST_GAP_S
+            broken = reset or is_gap or self._is_step(place, increments)
             if broken:
-                self._break(last, t, place)
+                moved = zip(place[:2], self._last_place[:2], increments[:2], strict=True)
+                north, east = (z - before - increment for z, before, increment in moved)
+                self._break(last, t, place, None if is_gap else (north, east))
             self._climbed_m += increments[2]
         for axis, z in zip(self._axes, place, strict=True):
             axis.update(z)
@@ -74,11 +77,11 @@ class VehiclePath:
             for axis, z, before, moved in axes
         )
 
-    def _break(self, before: float, after: float, place: list[float]) -> None:
+    def _break(self, before: float, after: float, place: list[float], jump: tuple[float, float] | None) -> None:
         # The smoothing must not bridge a reset: it would bend seconds of the path.
         step = max(abs(z - axis.predicted[-1][0]) for axis, z in zip(self._axes, place, strict=True))
         breaks = self.samples.breaks
-        breaks.append(PathBreak(before, after, step))
+        breaks.append(PathBreak(before, after, step, jump))
         del breaks[:-_MOST_BREAKS]
         for axis in self._axes:
             axis.reopen()

@@ -37,6 +37,8 @@ _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
 MODES = 2  # sines of the error between two knots that the sightings there share
 _GRID = 32
+_UNMEASURED_M_S2 = 3.0  # a small vehicle that banks at 17 degrees
+_LEAST_JUMP_M = 0.1  # one sigma of a jump at least: steps of the format, and reports of one instant that differ
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
 
@@ -194,6 +196,17 @@ _LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6
 def step_variance(b: PathBreak) -> float:
     """Variance (m^2) of the constant by which the error steps at a break."""
     return max(_LEAST_STEP_M, 4.0 * b.step_m) ** 2
+
+
+def jump_variance(b: PathBreak, noise_m: float) -> float:
+    """Variance (m^2) of a break's constant when the reports before and after it are known, with this noise.
+
+    Between them an unmeasured acceleration moves the vehicle away from the mean of both velocities.
+    """
+    if b.jump is None:
+        return step_variance(b)
+    moved_m = _UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
+    return 2.0 * noise_m**2 + moved_m**2 + _LEAST_JUMP_M**2
 
 
 # Gaps between knots by their age, both s: dense where the error now is estimated, sparse where it only carries places.

@@ -11,6 +11,7 @@ from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.recording.line_types import SightingLine
 from fwav_companion.telemetry.hermite_series import HermiteSeries
 from fwav_companion.telemetry.position_jump import LEAST_JUMP_M, PositionJumps
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import NoticeCode
 from sitl_mock import Options, scenario
 
@@ -39,8 +40,12 @@ def test_a_reset_is_reported_once_and_splits_the_history():
     assert not [step for step in steps if 1.5 < step < 4.0], "no position is interpolated across it"
 
 
-def test_one_track_goes_on_and_its_claim_holds():
-    flown = fly(RESET, sightings=True)
+@pytest.mark.parametrize(
+    ("settings", "smoother"), [((), None), (("tracking.self_calibration=true",), SmootherOptions())],
+    ids=["filter", "smoother"],
+)  # fmt: skip
+def test_one_track_goes_on_and_its_claim_holds(settings, smoother):
+    flown = fly(RESET, settings, sightings=True, smoother=smoother)
     lines = [line for line in flown.companion.targets("target") if line.state == "confirmed"]
     assert len({line.track for line in lines}) == 1
     for line in lines[::20]:
