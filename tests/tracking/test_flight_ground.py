@@ -17,6 +17,7 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     surface_of,
     target_height,
 )
+from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples
 from fwav_companion.types import (
     AttitudeSample,
@@ -68,7 +69,7 @@ class Telemetry:
 def fed(telemetry, reference, *, gimbal=False):
     shared = priors(gimbal=(0.05, 0.05) if gimbal else None)
     estimator = Estimator(shared, SampleNoise())
-    samples = FlightSamples(telemetry, LEVER, SIGMAS, has_gimbal=gimbal)
+    samples = FlightSamples(telemetry, FlightClock(), LEVER, SIGMAS, has_gimbal=gimbal)
     samples.feed(estimator, reference)
     return samples, estimator
 

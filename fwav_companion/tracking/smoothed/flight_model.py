@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import msgspec
 
-from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.tracking.smoothed.flight_ground import surface_of
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.types import FrameView, GroundReference, HeightReference
@@ -26,14 +25,14 @@ def follow_ground(state: SmoothedState, reference: GroundReference, level_m: flo
             estimator.live.model = estimator.model
 
 
-def follow_receiver(state: SmoothedState, view: FrameView, least_stamp_sigma_s: float) -> None:
-    """Take the receiver's own accuracy now, and the stamps' noise, from the next solve on."""
+def follow_receiver(state: SmoothedState, view: FrameView, t: float, least_stamp_sigma_s: float) -> None:
+    """Take the receiver's own accuracy at the frame's instant t, s, and the stamps' noise, from the next solve on."""
     vehicle, estimator = view.vehicle, state.estimator
     if vehicle is None:
         return
     path, noise = estimator.carrier.path, estimator.model.noise
     if vehicle.position_bias_m is not None and not state.relative:
-        path.add_accuracy(s_from_ns(view.boot_ns), vehicle.position_bias_m)
+        path.add_accuracy(t, vehicle.position_bias_m)
     worst_m = max([each.sigma_m for each in path.accuracies], default=noise.position_wander_m)
     stamp_sigma_s = max(least_stamp_sigma_s, vehicle.stamp_sigma_s)
     if (worst_m, stamp_sigma_s) != (noise.position_wander_m, noise.stamp_jitter_s):

@@ -18,6 +18,7 @@ from fwav_companion.geometry.gimbal import heading_only
 from fwav_companion.geometry.rotations import conjugate, matrix_from_quaternion, multiply, rotate
 from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, cross
+from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.types import (
     Bias,
@@ -46,6 +47,7 @@ class FlightSamples:
 
     __slots__ = (
         "_attitude_ns",
+        "_clock",
         "_first_ns",
         "_gimbal_ns",
         "_has_gimbal",
@@ -58,9 +60,12 @@ class FlightSamples:
         "level_m",
     )  # fmt: skip
 
-    def __init__(self, source: SampleSource, lever_m: Vector3, priors: ErrorPriors, *, has_gimbal: bool) -> None:
+    def __init__(
+        self, source: SampleSource, clock: FlightClock, lever_m: Vector3, priors: ErrorPriors, *, has_gimbal: bool
+    ) -> None:
         """``lever_m``: from the reported position to the camera, body axes, metres."""
-        self._source, self._lever_m, self._priors, self._has_gimbal = source, lever_m, priors, has_gimbal
+        self._source, self._clock, self._lever_m = source, clock, lever_m
+        self._priors, self._has_gimbal = priors, has_gimbal
         self.restart(relative=False)
 
     def restart(self, *, relative: bool) -> None:
@@ -69,15 +74,19 @@ class FlightSamples:
         ``relative``: there is no position; the world's origin goes with the vehicle, on the ground below it.
         """
         self._relative = relative
-        self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
-        self._first_ns: BootNs | None = None
         self.level_m: float | None = None
         """Level of the ground by a rangefinder's first reading, metres above the origin."""
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Take the samples from their first one on: the autopilot's clock started again."""
+        self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
+        self._first_ns: BootNs | None = None
 
     def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:  # noqa: ARG002
         """Hand over what came since. ``reference``: the source of heights."""
         for sample in self._source.attitudes_after(self._attitude_ns):
-            estimator.add_attitude(s_from_ns(sample.boot_ns), sample.ned_from_body)
+            estimator.add_attitude(self._clock.seconds(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
             self._first_ns = self._first_ns or sample.boot_ns
         if self._has_gimbal:
@@ -112,7 +121,7 @@ class FlightSamples:
             height_m = state.terrain_height_m - down
         camera = np.array([position[0] + north, position[1] + east, height_m])
         moved = np.array([velocity[0] + v_north, velocity[1] + v_east, climb_m_s])
-        estimator.add_position(s_from_ns(state.boot_ns), camera, moved, reset=reset)
+        estimator.add_position(self._clock.seconds(state.boot_ns), camera, moved, reset=reset)
 
     def _feed_heights(self, estimator: Estimator, reference: GroundReference) -> None:
         """Add the camera's heights in a world without a position: the camera stays above its origin."""
@@ -132,7 +141,7 @@ class FlightSamples:
         if state.velocity_ned is not None and reference.height is not HeightReference.CONSTANT:
             climb_m_s = -state.velocity_ned[2]
         camera, velocity = np.array([0.0, 0.0, height_m]), np.array([0.0, 0.0, climb_m_s])
-        estimator.add_position(s_from_ns(state.boot_ns), camera, velocity)
+        estimator.add_position(self._clock.seconds(state.boot_ns), camera, velocity)
 
     def _height_without_position(self, state: VehicleState, reference: GroundReference) -> float | None:
         """Height of the camera above the ground, metres; None where it is not known."""
@@ -170,7 +179,7 @@ class FlightSamples:
         foot = (position[0] + sample.distance_m * beam[0], position[1] + sample.distance_m * beam[1])
         if self.level_m is None:
             self.level_m = -position[2] - depth_m
-        estimator.add_range(RangeReading(s_from_ns(sample.boot_ns), depth_m - lever_down_m, sigma_m), foot)
+        estimator.add_range(RangeReading(self._clock.seconds(sample.boot_ns), depth_m - lever_down_m, sigma_m), foot)
 
     def _feed_gimbal(self, estimator: Estimator) -> None:
         """Add the gimbal's attitudes in steps that are finer than its reports, interpolated as it turns: evenly.
@@ -191,7 +200,7 @@ class FlightSamples:
     def _add_gimbal(self, estimator: Estimator, boot_ns: BootNs, reported: ReportedGimbal) -> None:
         """Add an attitude. Its yaw counts as that of the first one: another zero is converted by the heading."""
         carrier, q = estimator.carrier, reported.attitude
-        t = s_from_ns(boot_ns)
+        t = self._clock.seconds(boot_ns)
         if carrier.gimbal is not None and not len(carrier.gimbal):
             carrier.yaw_from_north = reported.from_north
         if carrier.yaw_from_north != reported.from_north:
@@ -203,15 +212,19 @@ class FlightSamples:
         estimator.add_gimbal_attitude(t, q)
 
 
-def sightings_of(number: int, fixes: Sequence[GroundFix], *, own_poses: bool = False) -> Sightings:
-    """The detections of a frame's fixes, in their order, without targets.
+def sightings_of(
+    number: int, fixes: Sequence[GroundFix], *, own_poses: bool = False, added_ns: int = 0
+) -> Sightings | None:  # fmt: skip
+    """The detections of a frame's fixes, in their order, without targets; None without a fix.
 
-    ``own_poses``: the errors of the frame's pose are its own.
+    ``own_poses``: the errors of the frame's pose are its own. ``added_ns``: to the frame's stamps (``FlightClock``).
     """
+    if not fixes:
+        return None
     rays, mounts, by_u, by_v, sigma, t, rows, own = [], [], [], [], [], [], [], []
     for fix in fixes:
         sighting = fix.sighting
-        t.append(s_from_ns(sighting.boot_ns))
+        t.append(s_from_ns(sighting.boot_ns + added_ns))
         rows.append(sighting.row_fraction)
         mounts.append(sighting.body_from_camera)
         rays.append(sighting.ray.direction)

@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.geometry.stamps import s_from_ns
+from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.types import FrameView, GroundReference, HeightReference
 
 
 class PictureSamples:
     """Hands the pose of each picture to the smoother, with its frame."""
 
+    def __init__(self, clock: FlightClock) -> None:
+        self._clock = clock
+
     level_m: float | None = None
     """No rangefinder shows the ground's level."""
 
     def restart(self, *, relative: bool) -> None:
+        """Do nothing: each picture brings its pose."""
+
+    def rewind(self) -> None:
         """Do nothing: each picture brings its pose."""
 
     def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView) -> None:
@@ -25,6 +31,6 @@ class PictureSamples:
             return
         north, east, down = state.position_ned
         height_m = reference.level_m if reference.height is HeightReference.CONSTANT else -down
-        t = s_from_ns(view.boot_ns)
+        t = self._clock.seconds(view.boot_ns)
         if estimator.add_position(t, np.array([north, east, height_m]), np.zeros(3)):
             estimator.add_attitude(t, np.array(state.ned_from_body))

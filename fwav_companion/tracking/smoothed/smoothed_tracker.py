@@ -24,6 +24,7 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
 from fwav_companion.tracking.smoothed.flight_ground import (
     ReferenceNow,
@@ -90,6 +91,7 @@ class SmoothedTracker:
     __slots__ = (
         "_answers",
         "_begun_s",
+        "_clock",
         "_consider",
         "_ground",
         "_host_ns",
@@ -125,15 +127,14 @@ class SmoothedTracker:
         configured = shared_priors(priors, None)
         self._start = configured if kept is None else shared_priors(priors, kept)
         self._known, self._lever_m, self._motions = tuple(landmarks), lever_m, motions or Motions()
-        self._ground, self._solves = ground, SolveCounts()
-        self._own_poses = own_poses
-        self._samples: FlightSamples | PictureSamples = PictureSamples()
+        self._ground, self._solves, self._own_poses = ground, SolveCounts(), own_poses
+        clock = self._clock = FlightClock()
+        self._samples: FlightSamples | PictureSamples = PictureSamples(clock)
         if source is not None:
-            self._samples = FlightSamples(source, lever_m, priors, has_gimbal=priors.gimbal is not None)
+            self._samples = FlightSamples(source, clock, lever_m, priors, has_gimbal=priors.gimbal is not None)
         self._state = self._begun(StoredCalibration(configured), 1)
         self._answers: FrameAnswers | None = None
-        self._host_ns = HostNs(0)
-        self._begun_s = -inf
+        self._host_ns, self._begun_s = HostNs(0), -inf
         """Capture of the frame with which the live filter began; before that, of the newest frame."""
 
     def _begun(self, stored: StoredCalibration, next_id: int, *, relative: bool = False) -> SmoothedState:
@@ -202,21 +203,21 @@ class SmoothedTracker:
         return None
 
     def catch_up(self, now_ns: HostNs) -> None:
-        """Nothing is due between frames."""
+        """Do nothing."""
 
     def best_targets(self) -> dict[int, SmoothedTarget]:
         """The reported targets of all live tracks, by id."""
         answers = self._answers
         if answers is None:
             return {}
-        found = {track.id: answers.target(track) for track in self._state.tracks if track.id > 0}
-        return {number: target for number, target in found.items() if target is not None}
+        found = ((track.id, answers.target(track)) for track in self._state.tracks if track.id > 0)
+        return {number: target for number, target in found if target is not None}
 
     def common_errors(self) -> dict[int, CommonErrors]:
         """Errors that the reported targets share with others, by id."""
         live = self._state.estimator.live
-        found = {track.id: common_errors(live, track.id) for track in self._state.tracks if track.id > 0}
-        return {number: shared for number, shared in found.items() if shared is not None}
+        found = ((track.id, common_errors(live, track.id)) for track in self._state.tracks if track.id > 0)
+        return {number: shared for number, shared in found if shared is not None}
 
     def snapshot(self) -> SmoothedState:
         """The present state, for :meth:`restore`."""
@@ -228,7 +229,10 @@ class SmoothedTracker:
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
-        state, t = self._state, s_from_ns(view.boot_ns)
+        state = self._state
+        if self._clock.follow(view.boot_ns, view.host_ns):
+            self._samples.rewind()
+        t = s_from_ns(view.boot_ns + (added_ns := self._clock.added_ns(view.boot_ns, view.host_ns)))
         if view.fixes and view.fixes[0].sighting.relative != state.relative:
             state = self._restart(relative=not state.relative)
         estimator, self._host_ns = state.estimator, view.host_ns
@@ -236,11 +240,11 @@ class SmoothedTracker:
         self._samples.feed(estimator, reference, view)
         follow_ground(state, reference, self._samples.level_m)
         taken_over = self._take_over(t)
-        follow_receiver(state, view, STAMP_SIGMA_S)
+        follow_receiver(state, view, t, STAMP_SIGMA_S)
         if not self._begins(t) or estimator.live is None:
             return ()
         estimator.live.predict(t)
-        sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses) if view.fixes else None
+        sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses, added_ns=added_ns)
         answers = self._answers = FrameAnswers(
             estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
         )
@@ -307,15 +311,14 @@ class SmoothedTracker:
         return True
 
     def _reports(self, tracks: Sequence[SmoothedTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
-        targets = [(track, answers.target(track)) for track in tracks if track.id > 0]
         misplaced_m = self._state.turns.misplaced_m
+        targets = ((track, answers.target(track)) for track in tracks if track.id > 0)
         return tuple([track.report(target, view, misplaced_m) for track, target in targets if target is not None])
 
     def _judge_mount(self, view: FrameView, sights: Sightings) -> None:
         """Keep the sights of labels that do not move, and try one more turn of the mount."""
         labels = [fix.sighting.detection.label for fix in view.fixes]
-        static = [i for i, label in enumerate(labels) if not self._motions.moves(label)]
-        turns = self._state.turns
+        static, turns = [i for i, label in enumerate(labels) if not self._motions.moves(label)], self._state.turns
         if static:
             mount = view.fixes[0].sighting.body_from_camera
             turns.add([labels[i] for i in static], sights.select(np.array(static)), mount, view.host_ns)
