@@ -1,9 +1,11 @@
 """A landmark in view shows the error of the vehicle's altitude, and so where an elevation model lies."""
 
+import pytest
 from flying import LINK, Companion
 from surface_tiles import surface_tile
 
 from fwav_companion.recording.line_types import TerrainLine
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from sitl_mock import Options, TargetOptions, scenario, simulate
 
 ALTITUDE_M = 4.0
@@ -12,7 +14,8 @@ SETTINGS = ("camera.readout_s=0.0", "camera.mount.pitch_deg=-55", "ground.model=
             'ground.terrain=["survey.tif"]', "ground.terrain_datum=egm96")  # fmt: skip
 
 
-def test_a_model_without_a_take_off_is_shifted_by_what_a_landmark_shows():
+@pytest.mark.parametrize("smoother", [None, SmootherOptions()], ids=["filter", "smoother"])
+def test_a_model_without_a_take_off_is_shifted_by_what_a_landmark_shows(smoother):
     """First heard in the air, 4 m too high by its receiver: the model follows as far as sights show it."""
     targets = (TargetOptions(label="mark", north=3.0, east=2.0), TargetOptions(label="car", north=-6.0, east=4.0))
     options = scenario("in_the_air", Options(seed=4)).but(
@@ -31,8 +34,9 @@ def test_a_model_without_a_take_off_is_shifted_by_what_a_landmark_shows():
         f"lat = {place.lat:.9f}\nlon = {place.lon:.9f}\nalt_amsl = {place.alt_amsl:.4f}\n"
     )
     companion = Companion(
-        SETTINGS, unix_minus_host_s=mock.unix_minus_host_s, elevation=(surface_tile(mock),), text=text
-    )
+        SETTINGS, unix_minus_host_s=mock.unix_minus_host_s, elevation=(surface_tile(mock),), text=text,
+        smoother=smoother,
+    )  # fmt: skip
     for _ in mock.drive(companion):
         pass
     companion.finish()

@@ -10,6 +10,7 @@ from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.localization import AltitudeGround, FixedGround, HomeGround, RangefinderGround
+from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_ground import (
     GROUND_CHANGE_M,
     height_wander_m,
@@ -17,7 +18,6 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     surface_of,
     target_height,
 )
-from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples
 from fwav_companion.types import (
     AttitudeSample,

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fwav_companion.estimation.errors import BODY_SHARED, HEIGHT
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.types import GroundReference, HeightReference, Landmark, LandmarkState
@@ -13,8 +12,16 @@ from fwav_companion.types import GroundReference, HeightReference, Landmark, Lan
 MARK = Landmark("mark", Geodetic(47.0, 8.0, 400.0), 0.05)
 
 
+class FakeLive(dict):
+    """Means (3,) and covariances (3, 3) of places by track."""
+
+    def place(self, track):
+        return self[track]
+
+
 class FakeEstimator:
-    def __init__(self):
+    def __init__(self, receiver_m=0.0):
+        self.live, self.model = None, SimpleNamespace(noise=SimpleNamespace(position_wander_m=receiver_m))
         self.targets, self.renamed = {}, []
         self.estimate = SimpleNamespace(targets={}, surveys={})
 
@@ -60,18 +67,26 @@ def test_landmark_lies_on_ground_from_which_heights_count(estimator, height):
     assert (estimator.targets[4].height_m, estimator.targets[4].height_sigma_m) == (0.0, 0.05)
 
 
-def test_altitude_by_a_used_landmark_is_the_height_error_now(estimator):
-    landmarks = SmoothedLandmarks([MARK])
+def test_height_of_a_landmark_is_as_uncertain_as_the_receivers_altitude():
+    estimator = FakeEstimator(receiver_m=1.5)
+    SmoothedLandmarks([MARK]).add(sight(), 4, estimator, HOME)
+    assert estimator.targets[4].height_sigma_m == pytest.approx(np.hypot(3.0, 0.05))
+    assert estimator.targets[4].place_sigma_m == 0.05
+
+
+def test_altitude_by_a_used_landmark_is_how_much_higher_it_appears_without_its_prior():
+    """Measured 1.75 m too high with a sigma of 0.2 m: with a prior of 1 m, mean and variance are by the weights."""
+    landmarks, estimator = SmoothedLandmarks([MARK]), FakeEstimator(receiver_m=0.5)
     landmarks.add(sight(), 4, estimator, HOME)
-    size = BODY_SHARED + 3
-    mean = np.zeros(size)
-    mean[[HEIGHT, size - 1]] = 1.5, 0.25
-    estimator.live = SimpleNamespace(mean=mean, covariance=0.04 * np.eye(size), error=BODY_SHARED)
+    prior = estimator.targets[4]
+    weights = 0.2**-2, prior.height_sigma_m**-2
+    mean = prior.height_m + 1.75 * weights[0] / sum(weights)
+    estimator.live = FakeLive({4: (np.array([3.0, -2.0, mean]), np.diag([0.01, 0.01, 1.0 / sum(weights)]))})
     assert landmarks.altitude(estimator, HOME) is None  # not solved yet
     estimator.estimate.surveys[4] = 0.9
     altitude = landmarks.altitude(estimator, HOME)
-    assert (altitude.landmark, altitude.too_high_m) == (0, 1.75)
-    assert altitude.sigma_m == pytest.approx(np.hypot(0.2 * np.sqrt(2.0), 0.05))
+    assert (altitude.landmark, altitude.too_high_m) == (0, pytest.approx(1.75))
+    assert altitude.sigma_m == pytest.approx(np.hypot(0.2, 0.05))
     assert landmarks.altitude(estimator, GroundReference(HeightReference.RANGE)) is None
     estimator.estimate.surveys[4] = 0.1
     assert landmarks.altitude(estimator, HOME) is None

@@ -8,7 +8,6 @@ from math import hypot
 import msgspec
 import numpy as np
 
-from fwav_companion.estimation.errors import HEIGHT
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.tracking.smoothed.flight_ground import surface_of
@@ -22,6 +21,9 @@ from fwav_companion.types import (
     LandmarkState,
 )
 
+ALTITUDE_SHARE = 2.0
+"""Ratio of one sigma of the receiver's altitude above sea level to that of its horizontal position: 1.5 to 2. The
+height above home is barometric, and does not know it."""
 LEFT_OUT_WEIGHT = 0.5
 """Weight of a survey below which the landmark is reported as left out."""
 
@@ -60,13 +62,14 @@ class SmoothedLandmarks:
         before = self._found.get(sight.landmark)
         if before is not None and before.track != track:
             estimator.rename(before.track, track)
-        estimator.targets[track] = self._prior(sight, reference)
+        estimator.targets[track] = self._prior(sight, reference, estimator.model.noise.position_wander_m)
         self._found[sight.landmark] = SurveyedTarget(track, 1 + (0 if before is None else before.used))
 
-    def _prior(self, sight: LandmarkSight, reference: GroundReference) -> TargetPrior:
-        """The survey, its height above the ground's surface by both altitudes.
+    def _prior(self, sight: LandmarkSight, reference: GroundReference, receiver_m: float) -> TargetPrior:
+        """The survey, its height above the ground's surface by both altitudes, that of the vehicle by its receiver.
 
         Where heights count from the ground itself, a landmark lies on it: its altitude says nothing of them.
+        ``receiver_m``: one sigma of the receiver's horizontal position, metres an axis.
         """
         sighting, sigma_m = sight.fix.sighting, self._landmarks[sight.landmark].sigma_m
         height_m, height_sigma_m = sighting.anchor_height_m, hypot(sigma_m, sighting.anchor_sigma_m)
@@ -74,21 +77,31 @@ class SmoothedLandmarks:
         if reference.height is HeightReference.ALTITUDE:
             ground, _ = surface_of(reference).height(np.array(place)[:, None])
             height_m = -sighting.camera_ned[2] - sight.fix.height_above_target_m - float(ground[0])
+            height_sigma_m = hypot(height_sigma_m, ALTITUDE_SHARE * receiver_m)
         return TargetPrior(place, sigma_m, height_m, height_sigma_m)
 
     def altitude(self, estimator: Estimator, reference: GroundReference) -> LandmarkAltitude | None:
-        """Error of the vehicle's altitude by the used landmarks, named by the first of them; None without one."""
+        """Error of the vehicle's altitude above sea level by the used landmark that shows it best; None without one.
+
+        It is by how much the landmark is higher above the ground's surface than both altitudes say. The prior is
+        removed with its information, because the error of an altitude may be more than twice that of the place.
+        """
         live, counts = estimator.live, reference.height is HeightReference.ALTITUDE
-        used = [
-            i
-            for i, found in sorted(self._found.items())
-            if estimator.estimate.surveys.get(found.track, 0.0) >= LEFT_OUT_WEIGHT
-        ]
-        if live is None or not used or not counts:
+        if live is None or not counts:
             return None
-        rows = np.array([HEIGHT, live.error + 2])
-        variance, sigma_m = float(live.covariance[np.ix_(rows, rows)].sum()), self._landmarks[used[0]].sigma_m
-        return LandmarkAltitude(used[0], float(live.mean[rows].sum()), hypot(variance**0.5, sigma_m))
+        shown = []
+        for index, found in self._found.items():
+            if estimator.estimate.surveys.get(found.track, 0.0) < LEFT_OUT_WEIGHT or found.track not in live:
+                continue
+            prior, (mean, covariance) = estimator.targets[found.track], live.place(found.track)
+            before, after = prior.height_sigma_m**2, float(covariance[2, 2])
+            if after < before:
+                variance = 1.0 / (1.0 / after - 1.0 / before)
+                shown.append((variance, index, (float(mean[2]) - prior.height_m) * variance / after))
+        if not shown:
+            return None
+        variance, index, too_high_m = min(shown)
+        return LandmarkAltitude(index, too_high_m, hypot(variance**0.5, self._landmarks[index].sigma_m))
 
     def records(self, estimator: Estimator) -> tuple[LandmarkRecord, ...]:
         """The record of each landmark."""
