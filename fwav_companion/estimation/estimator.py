@@ -126,7 +126,8 @@ class Estimator:
         if live is None or not len(s) or not self.carrier.ready:
             return None
         live.predict(float(s.t[0]))
-        detection, target = near_pairs(live, s, targets, alike)
+        held = np.array([k in live for k in targets.tolist()], np.bool_)
+        detection, target = near_pairs(live, s, targets[held], alike[:, held])
         if not len(detection):
             return None
         further = [i for i, k in enumerate(target.tolist()) if k in beside and beside[k] in live]

@@ -97,6 +97,14 @@ def test_estimate_does_not_depend_on_names_and_order_of_detections(calibrated):
     assert b.relative_covariance == pytest.approx(a.relative_covariance, rel=1e-3, abs=1e-9)
 
 
+def test_target_that_the_live_filter_does_not_hold_has_no_pair(calibrated):
+    planted, estimator = calibrated
+    _, frame = planted.frames()[-1]
+    alike = np.ones((len(frame), 3), np.bool_)
+    found = estimator.copy().predict(frame, np.array([0, 99, 1]), alike)
+    assert set(found.target.tolist()) == {0, 1}
+
+
 def test_replay_gives_the_same_bytes(calibrated):
     planted, estimator = calibrated
     again = flown(planted, priors())

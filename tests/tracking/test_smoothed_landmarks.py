@@ -61,6 +61,15 @@ def test_later_track_of_a_landmark_continues_the_earlier_one(estimator):
     assert set(estimator.targets) == {4, 7}
 
 
+def test_second_track_at_a_landmarks_label_waits_until_the_first_has_ended(estimator):
+    landmarks = SmoothedLandmarks([MARK])
+    landmarks.add(sight(), 4, estimator, HOME)
+    landmarks.add(sight(), 7, estimator, HOME, {4, 7})
+    assert (estimator.renamed, set(estimator.targets)) == ([], {4})
+    landmarks.add(sight(), 7, estimator, HOME, {7})
+    assert (estimator.renamed, set(estimator.targets)) == ([(4, 7)], {4, 7})
+
+
 @pytest.mark.parametrize("height", [HeightReference.CONSTANT, HeightReference.RANGE, HeightReference.TERRAIN_REPORT])
 def test_landmark_lies_on_ground_from_which_heights_count(estimator, height):
     SmoothedLandmarks([MARK]).add(sight(), 4, estimator, GroundReference(height, level_m=7.0))

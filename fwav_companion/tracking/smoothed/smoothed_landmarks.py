@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from math import hypot
 
 import msgspec
@@ -54,13 +54,19 @@ class SmoothedLandmarks:
         """Tracks whose place has a survey as its prior."""
         return frozenset(found.track for found in self._found.values())
 
-    def add(self, sight: LandmarkSight, track: int, estimator: Estimator, reference: GroundReference) -> None:
+    def add(
+        self, sight: LandmarkSight, track: int, estimator: Estimator, reference: GroundReference,
+        others: Container[int] = (),
+    ) -> None:  # fmt: skip
         """Take a sight of a confirmed track, which gives the track's target the survey as its prior.
 
-        A later track of the same landmark continues it: one survey is one measurement.
+        A later track of the same landmark continues it: one survey is one measurement. While the earlier one is among
+        the live tracks ``others``, two things have the landmark's label, and the second one waits without the survey.
         """
         before = self._found.get(sight.landmark)
         if before is not None and before.track != track:
+            if before.track in others:
+                return
             estimator.rename(before.track, track)
         estimator.targets[track] = self._prior(sight, reference, estimator.model.noise.position_wander_m)
         self._found[sight.landmark] = SurveyedTarget(track, 1 + (0 if before is None else before.used))

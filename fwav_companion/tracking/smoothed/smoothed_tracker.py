@@ -1,9 +1,8 @@
 """The tracker by the smoother: its live filter predicts, gates and answers for every track, from the first sighting on.
 
 A detection that no track explains begins a tentative track, whose target begins in the live filter at the present
-calibration. Tentative tracks are confirmed, coast and are deleted by the rules of ``lifecycle``. A confirmed static
-track's sightings go to the solves, those from before its confirmation, too. A target that may move never teaches; where
-it has been still for long, a static target in its place does (``StillTargets``).
+calibration. Tracks are confirmed, coast and are deleted by the rules of ``lifecycle``. All sightings of a confirmed
+static track go to the solves. Of targets that may move, only those teach that were still for long (``still_targets``).
 """
 
 from __future__ import annotations
@@ -126,7 +125,8 @@ class SmoothedTracker:
         self._priors, self._consider, self._smoother = priors, consider, smoother or SmootherOptions()
         configured = shared_priors(priors, None)
         self._start = configured if kept is None else shared_priors(priors, kept)
-        self._known, self._lever_m, self._motions = tuple(landmarks), lever_m, motions or Motions()
+        self._lever_m, self._motions = lever_m, motions or Motions()
+        self._known = () if all(self._motions.moves(each.label) for each in landmarks) else tuple(landmarks)
         self._ground, self._solves, self._own_poses = ground, SolveCounts(), own_poses
         clock = self._clock = FlightClock()
         self._samples: FlightSamples | PictureSamples = PictureSamples(clock)

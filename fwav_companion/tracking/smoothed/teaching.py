@@ -41,7 +41,7 @@ def teach(
             _release(state, track, priors)
             sight = surveyed.get(view.fixes[i].sighting.index)
             if sight is not None and track.id > 0:
-                state.landmarks.add(sight, track.id, estimator, state.reference)
+                state.landmarks.add(sight, track.id, estimator, state.reference, state.waiting)
         elif not track.moving:
             own = sights.select(np.array([i])).with_targets(np.array([track.id]))
             state.waiting[track.id] = (*state.waiting[track.id], own)[-MOST_WAITING:]
