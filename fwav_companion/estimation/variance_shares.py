@@ -49,8 +49,18 @@ def variance_shares(live: LiveFilter | None, target: int) -> dict[str, float]:
     shares = {
         cause: _lost(own, cross[:, index], live.covariance[np.ix_(index, index)]) for cause, index in causes.items()
     }
+    shares["position"] *= _share_of_receiver(live)
     shares["terrain"] = _lost(own, own[:, 2:], own[2:, 2:])
     return shares
+
+
+def _share_of_receiver(live: LiveFilter) -> float:
+    """Share of the position's error that is the receiver's wander: what the path's smoothing leaves is noise."""
+    wander, _ = live.wanders
+    left_m, _ = wander.path
+    if live.carrier.path.breaks:  # a step of the report is the receiver's, too
+        return 1.0
+    return wander.sigma_m**2 / (wander.sigma_m**2 + left_m**2)
 
 
 def _lost(own: Array, cross: Array, covariance: Array) -> float:

@@ -1,12 +1,14 @@
 """Shares of causes in a target's variance, against the inverse of a precision."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fwav_companion.estimation.errors import BODY_SHARED, CAMERA_DELAY, HEIGHT
 from fwav_companion.estimation.variance_shares import variance_shares
+from fwav_companion.estimation.wander import SMOOTH, Wander
 
 E = BODY_SHARED
 
@@ -21,6 +23,8 @@ class LiveStub:
     size: int = BODY_SHARED
     error: int = E
     curved: int = 0
+    wanders: tuple = (Wander(0.1, (30.0,), SMOOTH, (0.0, 0.1)),) * 2
+    carrier: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(path=SimpleNamespace(breaks=[])))
 
     def __contains__(self, target):
         return target == 4
@@ -51,6 +55,13 @@ def test_share_is_the_variance_that_is_lost_when_the_cause_is_known(live):
     assert shares["position"] == pytest.approx(0.1**2)
     assert shares["mount"] == pytest.approx(0.0, abs=1e-12)
     assert shares["terrain"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_noise_that_the_smoothing_of_the_path_leaves_is_no_share_of_the_receiver(live):
+    """With an exact receiver the error now is that noise alone; a part of it was called the position's share."""
+    exact, rough = (Wander(sigma_m, (30.0,), SMOOTH, (0.05, 0.1)) for sigma_m in (0.0, 0.05))
+    assert variance_shares(replace(live, wanders=(exact, exact)), 4)["position"] == 0.0
+    assert variance_shares(replace(live, wanders=(rough, rough)), 4)["position"] == pytest.approx(0.5 * 0.1**2)
 
 
 def test_no_share_exceeds_the_targets_variance(live):

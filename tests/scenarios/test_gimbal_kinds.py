@@ -10,6 +10,7 @@ import pytest
 from flying import fly
 from scipy.stats import chi2
 
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import NoticeCode
 from sitl_mock import Options, TargetOptions, scenario
 
@@ -46,7 +47,7 @@ KINDS = {
 }
 
 
-def flown(kind, seed=1, **differences):
+def flown(kind, seed=1, *, smoother=None, **differences):
     options = scenario("gimbal", Options(seed=seed)).but(
         {
             "seconds": 10.0,
@@ -60,7 +61,7 @@ def flown(kind, seed=1, **differences):
     settings = [f"camera.mount.gimbal_device_id={options.gimbal.device_id}", "camera.mount.pitch_deg=0.0"]
     if options.gimbal.late_s:
         settings.append(f"camera.mount.gimbal_delay_s={options.gimbal.late_s}")
-    return fly(options, settings)
+    return fly(options, settings, smoother=smoother)
 
 
 def squares(flight, lines):
@@ -124,6 +125,16 @@ def test_gimbal_that_is_80_ms_late_without_a_word_in_the_configuration_is_within
 def test_two_targets_are_two_tracks(kind):
     flight = flown(kind, 100 * list(KINDS).index(kind) + 1)
     assert len({line.track for line in flight.companion.targets()}) == len(BOTH_SIDES)
+
+
+def test_two_targets_below_a_servo_mount_are_two_tracks_of_the_smoother():
+    """Its angles count from the body, which its motion shows after some seconds.
+
+    Levelled by the horizon alone they made 12 tracks, and without the noise of the other reading before that four.
+    """
+    flight = flown("servo", 101, smoother=SmootherOptions())
+    assert {line["label"] for line in flight.companion.targets()} == {"left", "right"}
+    assert len({line["track"] for line in flight.companion.targets()}) == len(BOTH_SIDES)
 
 
 def test_yaw_zero_of_a_gimbal_is_reported_with_its_number_and_moves_no_target():

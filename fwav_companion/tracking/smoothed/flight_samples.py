@@ -241,10 +241,14 @@ def sightings_of(
 
 
 def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]:
-    """One sigma of a frame's own pose: attitude, rad; north and east, up, metres."""
+    """One sigma of a frame's own pose: attitude, rad; north and east, up, metres.
+
+    While both readings of a gimbal's tilt are possible, the frame's noise covers the other one: a target that begins by
+    the wrong one would else be a second track later.
+    """
     state = fix.sighting.state
     if not own_poses:
-        return (0.0 if state.gimbal is None else state.carrier_sigma), 0.0, 0.0
+        return (0.0 if state.gimbal is None else hypot(state.carrier_sigma, state.gimbal.tilt_sigma)), 0.0, 0.0
     level_m, up_m = state.position_sigma_m, state.height_sigma_m
     if fix.ground == "fixed":  # at a height below the camera: that of the camera does not count
         up_m = 0.0
