@@ -10,6 +10,7 @@ from math import cos, degrees, sin, tau
 from random import Random
 
 import pytest
+from draws import draws_of
 from flying import Companion
 from kept import kept
 from scipy.stats import binom, chi2
@@ -95,14 +96,8 @@ FLOWN = {
 }
 
 
-FLIGHTS = [
-    FEW,
-    pytest.param(SOME, marks=pytest.mark.slow),
-    pytest.param(MANY, marks=[pytest.mark.nightly, pytest.mark.timeout(1800)]),
-]
-
-
-@pytest.mark.parametrize("flights", FLIGHTS)
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("flights", draws_of(FEW, SOME, MANY))
 @pytest.mark.parametrize("name", FLOWN)
 def test_fixes_are_as_good_as_they_claim(name, flights):
     squares = squares_of(name, flights)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from draws import first_of, slow_of
+from draws import draws_of, first_of, slow_of
 from flying import Companion
 from kept import kept
 from scipy.stats import binom, chi2
@@ -112,14 +112,8 @@ def squares_of(name: str, flights: int) -> list[float]:
     return [each for each in squares if each is not None]
 
 
-FLIGHTS = [
-    FEW,
-    pytest.param(SOME, marks=[pytest.mark.slow, pytest.mark.timeout(900)]),
-    pytest.param(MANY, marks=[pytest.mark.nightly, pytest.mark.timeout(1800)]),
-]
-
-
-@pytest.mark.parametrize("flights", FLIGHTS)
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("flights", draws_of(FEW, SOME, MANY))
 @pytest.mark.parametrize("name", first_of(*SHORT, few=5))
 def test_fixes_are_as_good_as_they_claim(name, flights):
     squares = squares_of(name, flights)

@@ -12,6 +12,11 @@ def first_of(*values: Any, few: int = 1) -> list[Any]:
     return [*values[:few], *(pytest.param(value, marks=pytest.mark.slow) for value in values[few:])]
 
 
+def draws_of(few: Any, some: Any, many: Any) -> list[Any]:
+    """Numbers of draws for ``parametrize``: of the default run, the slow one and the nightly one."""
+    return [few, pytest.param(some, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.nightly)]
+
+
 def slow_of(*values: Any, few: int) -> list[Any]:
     """Values for ``parametrize`` with one name: the slow run takes the first ``few``, the nightly run the others."""
     return [
