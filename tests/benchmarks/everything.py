@@ -22,6 +22,7 @@ BENCHMARKS = (
     "filter_update",
     "ten_targets",
     "calls",
+    "clock_and_rates",
     "startup",
     "daemon",
     "solving",
