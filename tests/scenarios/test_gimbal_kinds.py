@@ -128,9 +128,8 @@ def test_two_targets_are_two_tracks(kind):
 
 
 def test_two_targets_below_a_servo_mount_are_two_tracks_of_the_smoother():
-    """Its angles count from the body, which its motion shows after some seconds.
-
-    Levelled by the horizon alone they made 12 tracks, and without the noise of the other reading before that four.
+    """Its angles count from the body, which its motion shows after some seconds: taken as levelled they made 12 tracks,
+    and without the noise of the other reading before that four.
     """
     flight = flown("servo", 101, smoother=SmootherOptions())
     assert {line["label"] for line in flight.companion.targets()} == {"left", "right"}
