@@ -8,6 +8,7 @@ from typing import Final
 
 from fwav_companion.config.document import Document
 from fwav_companion.config.key_errors import Complaint
+from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import Pad, PadTag
 
 SAME_PLACE_M: Final = 0.001
@@ -31,10 +32,16 @@ def pad_complaints(document: Document) -> Iterator[Complaint]:
             yield ("pad", index, "label"), f"a {table} has this label; accepted: a label of its own"
         if not pad.tags:
             yield ("pad", index, "tags"), "accepted: a list of at least one tag"
-        if pad.motion not in (None, document.tracking.motion):
-            fault = f'the tracker takes all targets as [tracking] motion; accepted: "{document.tracking.motion}"'
+        if fault := motion_fault(pad.motion, document.tracking):
             yield ("pad", index, "motion"), fault
         yield from _tags(index, pad, owners, taken)
+
+
+def motion_fault(motion: str | None, tracking: TrackingOptions) -> str:
+    """Why the targets of one label cannot have a motion of their own; "" where they can."""
+    if motion in (None, tracking.motion) or tracking.filter == "kalman":
+        return ""
+    return f'filter = "{tracking.filter}" takes all targets as [tracking] motion; accepted: "{tracking.motion}"'
 
 
 def _tags(index: int, pad: Pad, owners: dict[str, int], taken: Mapping[str, frozenset[str]]) -> Iterator[Complaint]:

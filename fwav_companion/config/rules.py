@@ -11,7 +11,7 @@ from fwav_companion.acting.options import ActTable
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.config.key_errors import Complaint, printable
-from fwav_companion.config.pad_rules import pad_complaints
+from fwav_companion.config.pad_rules import motion_fault, pad_complaints
 from fwav_companion.links.url import (
     LinkUrl,
     SerialUrl,
@@ -152,8 +152,7 @@ def _targets(document: Document) -> Iterator[Complaint]:
         if label in labels[:index]:
             yield ("target", index, "label"), "another [[target]] has this label; accepted: a label of its own"
     for index, target in enumerate(document.target):
-        if target.motion not in (None, document.tracking.motion):
-            fault = f'the tracker takes all targets as [tracking] motion; accepted: "{document.tracking.motion}"'
+        if fault := motion_fault(target.motion, document.tracking):
             yield ("target", index, "motion"), fault
 
 

@@ -258,6 +258,7 @@ def _tracker(
     """
     options = config.tracking if own_filter is not None else tracking_options(config)
     priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
+    motion_of = _motion_of(config)
     if smoother is not None and (options.filter == "kalman" or options.self_calibration):
         smoothed = smoothed_tracker(
             options,
@@ -268,7 +269,7 @@ def _tracker(
             smoother=smoother,
             ground=ground.reference,
             landmarks=landmarks,
-            motion_of=_motion_of(config),
+            motion_of=motion_of,
             own_poses=not isinstance(vehicle, Telemetry),
         )
     if own_filter is not None:
@@ -278,7 +279,9 @@ def _tracker(
         )
     if smoothed is not None and options.filter == "kalman":
         return smoothed
-    return make_tracker(options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed)
+    return make_tracker(
+        options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed, motion_of=motion_of
+    )
 
 
 def _motion_of(config: Config) -> dict[str, str]:

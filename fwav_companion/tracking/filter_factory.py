@@ -10,8 +10,8 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.filters.kalman_by_label import KalmanByLabel
 from fwav_companion.tracking.filters.lowpass import LowPass
-from fwav_companion.tracking.filters.moving import MovingKalman
 from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from fwav_companion.tracking.smoothed.sample_source import SampleSource
     from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 
-KEEP_STATIC_NS = 300 * NS_PER_S
-"""Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
-KEEP_MOVING_NS = 10 * NS_PER_S
-"""The same for a moving target, ns: it can be anywhere within 15 m after that."""
 PATIENCE_NS = 10 * NS_PER_S
 """Where targets may move: least time within the gate of a static target before self-calibration uses a target, ns. The
 gate is a metre or two wide, as delay and mount are not known yet: a walking person leaves it within seconds."""
@@ -44,28 +40,32 @@ def make_tracker(
     *,
     landmarks: Sequence[Landmark] = (),
     calibrating: FrameTracker | None = None,
+    motion_of: Mapping[str, str] | None = None,
 ) -> Tracker:
     """The tracker that [tracking] selects.
 
     ``state_at`` returns the vehicle's state at an instant of the last second or so; self-calibration finds a large
     time offset only with it. ``kept``: a calibration of an earlier flight with this camera. ``calibrating``: of the
-    low-pass, as of :func:`tracker_with`.
+    low-pass, as of :func:`tracker_with`. ``motion_of``: motion of the targets of some labels, where it is not that of
+    all targets.
     """
     if options.filter == "lowpass":
         paper, self_calibration = LowPass(options.alpha, options.alpha_rate_hz, priors), options.self_calibration
         return tracker_with(paper, priors, state_at, kept, self_calibration=self_calibration, calibrating=calibrating)
-    moving = options.motion == "moving"
+    by_label = motion_of or {}
+    moving = "moving" in (options.motion, *by_label.values())
     calibrator = None
     if options.self_calibration:
         calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if moving else None)
     if not moving:
         corrected = _landmark_tracking(priors, landmarks, state_at) if landmarks else None
-        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, landmarks=corrected)
+        return Tracker(StaticKalman(priors), calibrator, landmarks=corrected)
+    kalman = KalmanByLabel(priors, options.motion, by_label)
     if calibrator is None:
-        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
+        return Tracker(kalman)
     # A second tracker treats all targets as static: only a target known to be where it was can calibrate.
-    calibrating = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
-    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, calibrating=calibrating)
+    calibrating = Tracker(StaticKalman(priors), calibrator, patience_ns=PATIENCE_NS)
+    return Tracker(kalman, calibrating=calibrating)
 
 
 def smoothed_tracker(
@@ -111,7 +111,7 @@ def tracker_with(
     does; None: this one.
     """
     calibrator = _calibrator(priors, state_at, kept) if self_calibration and calibrating is None else None
-    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False, calibrating=calibrating)
+    return Tracker(belief_filter, calibrator, corrects=False, calibrating=calibrating)
 
 
 def _landmark_tracking(

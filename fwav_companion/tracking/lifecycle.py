@@ -12,7 +12,7 @@ from math import log
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s, s_from_ns
 from fwav_companion.tracking.detector_model import MOST_PROBABLE, DetectorModel
 from fwav_companion.types import Reason, TrackState
 
@@ -28,6 +28,10 @@ LOOK_S = 0.2
 one frame, such as motion blur, also hides it in the next."""
 MOVING_LOOK_S = 0.4
 """The same for a moving target: a house or a tree hides it for seconds, not for a moment."""
+KEEP_STATIC_NS = 300 * NS_PER_S
+"""Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
+KEEP_MOVING_NS = 10 * NS_PER_S
+"""The same for a moving target, ns: it can be anywhere within 15 m after that."""
 PRIOR_LOOKS = 10.0
 """Weight of the flight's detection probability for a single track, looks: a far target is detected less often."""
 

@@ -39,7 +39,6 @@ class Tracker:
         "_calibrating",
         "_corrects",
         "_filter",
-        "_keep_ns",
         "_patience_ns",
         "_state",
         "reports_innovations",
@@ -48,7 +47,6 @@ class Tracker:
     def __init__(
         self,
         target_filter: Filter,
-        keep_ns: int,
         calibrator: Calibrator | None = None,
         *,
         corrects: bool = True,
@@ -56,17 +54,14 @@ class Tracker:
         calibrating: FrameTracker | None = None,
         landmarks: LandmarkTracking | None = None,
     ) -> None:
-        """``keep_ns``: time without a detection after which a track is deleted, ns.
-
-        ``corrects``: whether self-calibration corrects the tracks, or only reports its result. ``patience_ns``: least
-        age of a track that self-calibration uses, ns. ``calibrating``: a second tracker of the same frames that
+        """``corrects``: whether self-calibration corrects the tracks, or only reports its result. ``patience_ns``:
+        least age of a track that self-calibration uses, ns. ``calibrating``: a second tracker of the same frames that
         self-calibrates instead of this one. ``landmarks``: initiates and corrects the targets instead of
         ``target_filter``.
         """
         self.reports_innovations = False
         """Whether tracks report innovations. A flight does not use them."""
         self._filter = target_filter
-        self._keep_ns = keep_ns
         self._corrects = corrects
         self._patience_ns = patience_ns
         self._calibrating = calibrating
@@ -160,9 +155,7 @@ class Tracker:
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
         found = associated(predicted, view, choice, joint, state.detector)
-        update = FrameUpdate(
-            view, choice, state.detector, self._keep_ns, self._corrects, self.reports_innovations, found.id_trust
-        )
+        update = FrameUpdate(view, choice, state.detector, self._corrects, self.reports_innovations, found.id_trust)
         after, missed = update.after(predicted, found.taken)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(

@@ -27,8 +27,7 @@ class ElevatedTarget(msgspec.Struct, frozen=True, kw_only=True):
     """Part that a detection marks. ``bottom``: where the image of the vertical through the box's centre leaves the box
     downward in the world. ``ankles``: midway between the confident ankles of a pose model; without them as center."""
     motion: Literal["static", "moving"] | None = None
-    """Motion of these targets; None: that of all, [tracking] motion. Another one needs the smoother."""
-
+    """Motion of these targets; None: that of all, [tracking] motion."""
     size_m: TagSizeM | None = None
     """Side of the black square of a tag, metres: its size in the picture then measures the height; None: unknown."""
 

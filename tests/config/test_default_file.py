@@ -89,10 +89,10 @@ def test_what_is_commented_out_is_right_too():
     assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
     assert set(shown["act"]) == set(ActTable.__struct_fields__)
     assert config.target == (
-        ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="static", size_m=0.16),
+        ElevatedTarget(label="person", height_m=1.7, height_sigma_m=0.17, motion="moving", size_m=0.16),
     )
     tag = PadTag(label="tag36h11:1", size_m=0.4)
-    assert config.pad == (Pad(label="pad", motion="static", tags=(tag,)),)
+    assert config.pad == (Pad(label="pad", motion="moving", tags=(tag,)),)
     assert set(shown["pad"][-1]) == set(Pad.__struct_fields__)
     assert set(shown["pad"][-1]["tags"][0]) == set(PadTag.__struct_fields__)
     assert set(shown["target"][-1]) == set(ElevatedTarget.__struct_fields__)

@@ -149,7 +149,7 @@ FAULTS = {
     "pictures of another choice": (f'{BASE}[vision]\n[record]\npictures = "all"\n', '[record] pictures = "all": accepted: "detections" | an integer from 0 to 100000'),
     "a preview for everyone": (f'{BASE}[vision]\npreview = "0.0.0.0:8089"\n', '[vision] preview = "0.0.0.0:8089": beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of 16 characters or more, or 127.0.0.1:PORT'),
     "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
-    "a target of another motion": (f'{BASE}[[target]]\nlabel = "a"\nmotion = "moving"\n', '[[target]] 1 motion = "moving": the tracker takes all targets as [tracking] motion; accepted: "static"'),
+    "a target of another motion": (f'{BASE}[[target]]\nlabel = "a"\nmotion = "moving"\n[tracking]\nfilter = "lowpass"\n', '[[target]] 1 motion = "moving": filter = "lowpass" takes all targets as [tracking] motion; accepted: "static"'),
     "a tag without an edge": (f'{BASE}[[target]]\nlabel = "a"\nsize_m = 0\n', "[[target]] 1 size_m = 0: accepted: a number, above 0 and at most 100"),
     "a pad without tags": (f'{BASE}[[pad]]\nlabel = "p"\ntags = []\n', "[[pad]] 1 tags = []: accepted: a list of at least one tag"),
     "a pad's tag without a size": (f'{PAD}tags = [{{ label = "a" }}]\n', "[[pad]] 1 tags[0] size_m: missing; accepted: a number, above 0 and at most 100"),
@@ -162,7 +162,7 @@ FAULTS = {
     "two tags at one place": (f'{PAD}tags = [{{ label = "a", size_m = 0.1, at_m = [0.5, 0] }}, {{ label = "b", size_m = 0.15, at_m = [0.5, 0] }}]\n', "[[pad]] 1 tags[1] at_m = [0.5, 0]: a is at this place; accepted: a place of its own, or in another's blank with at most half of its size"),
     "two pads of one label": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n{PAD_ALONE}tags = [{{ label = "b", size_m = 0.1 }}]\n', '[[pad]] 2 label = "p": another [[pad]] has this label; accepted: a label of its own'),
     "a pad that is a target": (f'{PAD}tags = [{{ label = "a", size_m = 0.1 }}]\n[[target]]\nlabel = "p"\n', '[[pad]] 1 label = "p": a [[target]] has this label; accepted: a label of its own'),
-    "a pad of another motion": (f'{PAD}motion = "moving"\ntags = [{{ label = "a", size_m = 0.1 }}]\n', '[[pad]] 1 motion = "moving": the tracker takes all targets as [tracking] motion; accepted: "static"'),
+    "a pad of another motion": (f'{PAD}motion = "moving"\ntags = [{{ label = "a", size_m = 0.1 }}]\n[tracking]\nfilter = "lowpass"\n', '[[pad]] 1 motion = "moving": filter = "lowpass" takes all targets as [tracking] motion; accepted: "static"'),
     "a target below the ground": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = -1.0\n', "[[target]] 1 height_m = -1.0: accepted: a number from 0 to 1000"),
     "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, target, pad, landmark, ground, uncertainty, tracking, publish, act, fleet, record, state, status"),
 }  # fmt: skip
