@@ -165,3 +165,18 @@ def test_pad_below_a_barometers_ground_is_located_by_its_size():
     seen = low(too_high_m=-0.5, height_m=0.3)
     assert located(msgspec.structs.replace(seen, size_height=None)).reason is Reason.TOO_LOW
     assert off_m(located(seen)) < 0.03
+
+
+@pytest.mark.parametrize(
+    "reads_m", [4.5, 5.0, None], ids=["the pad", "the water next to it", "its maximum, no reading"]
+)
+def test_pad_on_a_deck_is_at_its_own_height_whatever_the_rangefinder_reads(reads_m):
+    """The deck is 0.5 m above the water, the vehicle 5 m, and its barometer a metre off."""
+    seen = low(1.0, rises=(0.5, 0.05), beam=(0.0, 0.0, 1.0))
+    cosine = seen.state.range.distance_m / 5.0
+    reading = None if reads_m is None else msgspec.structs.replace(seen.state.range, distance_m=reads_m * cosine)
+    fix = located(
+        msgspec.structs.replace(seen, state=msgspec.structs.replace(seen.state, range=reading)), RangefinderGround(0.05)
+    )
+    assert fix.best_height_m == pytest.approx(4.5, abs=0.05)
+    assert off_m(fix) < 0.04

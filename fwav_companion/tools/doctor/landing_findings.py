@@ -54,6 +54,7 @@ def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]
         yield from _moved(status.parameters)
     yield from landing_limit_findings(evidence, status)
     yield from _label(evidence, status)
+    yield from _flat(evidence)
     yield from _late(status)
     yield from _withheld(evidence, status.publishing.landing)
 
@@ -178,6 +179,21 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem=f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
             fix="show the camera the landing target, or set landing_label to what the detector calls it",
         )
+
+
+def _flat(evidence: Evidence) -> Iterator[Finding]:
+    """Report a landing label of which nothing is configured: it is taken to lie flat on the ground."""
+    config, wanted = evidence.config, evidence.config.publish.landing_label
+    if wanted in {*(pad.label for pad in config.pad), *(target.label for target in config.target)}:
+        return
+    yield Finding(
+        "landing_flat",
+        Level.NOTE,
+        "[publish] landing_label",
+        problem=f'"{wanted}" has neither a [[pad]] nor a [[target]]: it counts as flat on the ground, its height is '
+        "the autopilot's",
+        fix="describe it: with the size of its tag (size_m) the height over it is measured, too",
+    )
 
 
 def _names(evidence: Evidence) -> frozenset[str]:

@@ -6,7 +6,7 @@ from hearing import found, heard
 
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
-from fwav_companion.types import Pad, PadTag
+from fwav_companion.types import ElevatedTarget, Pad, PadTag
 from fwav_companion.types.flight_status import LandingReport
 from sitl_mock import scenario
 
@@ -50,7 +50,7 @@ def steered(evidence, parameters):
     """The evidence of a service that steers the landing of an autopilot with these parameters."""
     publish = msgspec.structs.replace(evidence.config.publish, landing_target=True, landing_label="target")
     status = msgspec.structs.replace(evidence.status, parameters=parameters)
-    config = msgspec.structs.replace(evidence.config, publish=publish)
+    config = msgspec.structs.replace(evidence.config, publish=publish, target=(ElevatedTarget(label="target"),))
     return msgspec.structs.replace(evidence, config=config, status=status)
 
 
@@ -115,3 +115,12 @@ def test_landing_frames_that_come_late_are_used_and_named_since_their_stamps_may
     assert late.status.fixes > 100
     assert "too_late" not in late.status.dropped
     assert "landing_camera_late" not in found(heard(HEALTHY, landing))
+
+
+def test_landing_label_without_pad_or_target_is_noted_as_flat_on_the_ground():
+    evidence = steered(heard(HEALTHY), heard(HEALTHY).status.parameters)
+    assert "landing_flat" not in {finding.code for finding in examine(evidence)}
+    bare = msgspec.structs.replace(evidence, config=msgspec.structs.replace(evidence.config, target=()))
+    (finding,) = [finding for finding in examine(bare) if finding.code == "landing_flat"]
+    assert finding.level is Level.NOTE
+    assert '"target" has neither' in finding.problem
