@@ -50,7 +50,7 @@ def flown() -> Flight:
     return fly(scenario("three_targets").but({"seconds": 12.0, "seed": 11, "camera.late_every": 9}))
 
 
-@pytest.mark.parametrize("name", first_of("late_frames", "rebooting", "default", "lossy_wire", "no_gps", few=2))
+@pytest.mark.parametrize("name", first_of("late_frames", "rebooting", "default", "lossy_wire", "no_gps", "flow", few=2))
 def test_replay_says_what_the_flight_said(name: str):
     flown = fly(scenario(name).but({"seconds": 16.0, "seed": 4}))
     companion = flown.companion

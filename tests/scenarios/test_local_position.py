@@ -15,6 +15,7 @@ from sitl_mock.flow import Flow
 LOCAL_POSITION_NED = 32
 WORLD_S = 10.0
 """Flight time at which the wait for a global position ends."""
+CALIBRATED = ("tracking.self_calibration=true",)
 FLOW = {"autopilot.gps": False, "autopilot.flow": True}
 ROUND = scenario("copter_circles").but({"seed": 5, "seconds": 40.0, **FLOW})
 """Circles of 3 m radius at 2 m/s, 14 m over the pad: 80 m of way."""
@@ -172,3 +173,13 @@ def test_tracks_outlive_a_loss_of_the_global_position_and_its_return():
     assert max(np.diff(seen)) < 1.5, "fixes go on"
     relative = [flight.relative_error(line) for line in lines if line.relative and line.fix]
     assert np.mean([nis for _, nis in relative]) < 2.5
+
+
+@pytest.mark.slow
+def test_self_calibration_in_the_local_frame_finds_the_delay_within_its_claim():
+    """A swinging body shows it, in the autopilot's local frame as anywhere."""
+    flight = fly(scenario("flow").but({"seed": 3, "seconds": 35.0, "biases.time_offset_s": 0.02}), CALIBRATED)
+    assert flight.companion.codes.count(NoticeCode.LOCAL_WORLD) == 1
+    last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
+    assert abs(last["time_offset_s"] - 0.02) < 3.0 * last["time_offset_sigma_s"]
+    assert last["time_offset_sigma_s"] < 0.005, "half of the prior's"

@@ -54,7 +54,6 @@ def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]
         yield from _moved(status.parameters)
     yield from landing_limit_findings(evidence, status)
     yield from _label(evidence, status)
-    yield from _flat(evidence)
     yield from _late(status)
     yield from _withheld(evidence, status.publishing.landing)
 
@@ -179,6 +178,8 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem=f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
             fix="show the camera the landing target, or set landing_label to what the detector calls it",
         )
+    else:
+        yield from _flat(evidence)
 
 
 def _flat(evidence: Evidence) -> Iterator[Finding]:

@@ -11,7 +11,7 @@ from fwav_companion.types.flight_status import LandingReport
 from sitl_mock import scenario
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
-LANDING = ["publish.landing_target=true", "publish.landing_label=target"]
+LANDING = ["publish.landing_target=true", "publish.landing_label=target", 'target=[{label = "target"}]']
 SPOILT = HEALTHY.but(
     {
         "autopilot.precland_enabled": False,

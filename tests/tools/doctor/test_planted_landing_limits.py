@@ -9,7 +9,7 @@ from fwav_companion.tools.doctor.finding import Level
 from sitl_mock import scenario
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
-LANDING = ["publish.landing_target=true", "publish.landing_label=target"]
+LANDING = ["publish.landing_target=true", "publish.landing_label=target", 'target=[{label = "target"}]']
 LIMITS = [
     ("PLND_STRICT", 0.0, Level.WARNING, "lands where it is"),
     ("PLND_STRICT", 2.0, Level.NOTE, "hovers until"),
