@@ -1,9 +1,11 @@
 """Known errors in, known figures out: scores of made-up lines about a simulated flight, and flights paired."""
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
+from fwav_companion.recording.line_types import CalibrationLine, TargetLine
 from sitl_mock import Options, Simulation, TargetOptions, scenario
 from tests.accuracy.scores import CELLS, MOST_SQUARES, Errors, FlightScore, Tracks
 from tests.accuracy.table import Run, comparison_table, interval_of_median, paired, run_table
@@ -26,15 +28,18 @@ def mock():
 
 def line(mock, at_s, index, relative=(0.0, 0.0), absolute=(0.0, 0.0), *, track=1, state="confirmed", cov=SIGMA2):
     """A target line with these errors."""
+    at_s, relative, absolute = float(at_s), np.asarray(relative).tolist(), np.asarray(absolute).tolist()
     true, vehicle = mock.scene[index].at(at_s), mock.flight.at(at_s).position
     place = mock.world.place((true[0] + absolute[0], true[1] + absolute[1], true[2]))
-    return {
+    fields = {
         "type": "target", "time_unix": mock.options.start_unix_s + at_s, "frame": round(at_s * FPS), "track": track,
-        "label": mock.scene[index].label, "state": state, "lat": place.lat, "lon": place.lon,
+        "label": mock.scene[index].label, "state": state,
+        "north": 0.0, "east": 0.0, "down": 0.0, "fix": None, "lat": place.lat, "lon": place.lon,
         "alt_amsl": place.alt_amsl, "cov": cov,
         "relative": {"north": true[0] - vehicle[0] + relative[0], "east": true[1] - vehicle[1] + relative[1],
                      "down": 0.0, "cov": cov},
     }  # fmt: skip
+    return msgspec.convert(fields, TargetLine)
 
 
 def score(mock, lines, in_view=(0,), first_seen_s=2.0, landmarks=("mark",)):
@@ -125,7 +130,13 @@ def test_landmarks_are_not_scored(mock):
 
 def test_time_to_calibrated_counts_from_first_sight(mock):
     reports = [(5.0, "time"), (14.5, "calibrated"), (20.0, "calibrated")]
-    lines = [{"type": "calibration", "time_unix": mock.options.start_unix_s + t, "status": s} for t, s in reports]
+    known = {"time_offset_s": 0.0, "time_offset_sigma_s": 0.01, "mount_deg": [0.0] * 3, "mount_sigma_deg": [1.0] * 3}
+    lines = [
+        msgspec.convert(
+            {"type": "calibration", "time_unix": mock.options.start_unix_s + t, "status": s} | known, CalibrationLine
+        )
+        for t, s in reports
+    ]
     assert score(mock, lines).calibrated_s == pytest.approx(12.5, abs=1e-5)
     assert score(mock, lines[:1]).calibrated_s is None
 

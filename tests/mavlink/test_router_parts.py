@@ -122,9 +122,12 @@ def test_one_sample_is_awaited_once_for_three_seconds():
 # Held transfers.
 
 
+FROM = (0, "10.0.0.1")
+
+
 def test_transfers_leave_in_order_at_six_tenths_of_the_budget():
     held, frames = HeldTransfers(), [bytes([k]) * 100 for k in range(50)]
-    passed = [frame for frame in frames if not held.takes(frame, 1000.0, T0)]
+    passed = [frame for frame in frames if not held.takes(frame, FROM, 1000.0, T0)]
     assert passed == frames[:3], "a bucket of 300 bytes"
     assert held
     left: list[tuple[float, bytes]] = []
@@ -139,11 +142,11 @@ def test_transfers_leave_in_order_at_six_tenths_of_the_budget():
 def test_without_a_budget_what_was_held_leaves_at_once():
     held = HeldTransfers()
     for _ in range(9):
-        held.takes(b"x" * 100, 1000.0, T0)
+        held.takes(b"x" * 100, FROM, 1000.0, T0)
     assert held.release_at(None, at(1.0)) == at(1.0)
     assert len(held.release(None, T0)) == 6
     assert not held
-    held.takes(b"x" * 100, 1000.0, T0)
+    held.takes(b"x" * 100, FROM, 1000.0, T0)
     held.clear()
     assert held.release(None, T0) == []
 

@@ -1,6 +1,5 @@
 """Filters of one's own in `replay`: their code runs only where the user allows it, and never from a recording."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +7,8 @@ from pathlib import Path
 import pytest
 from flying import CAMERA, LINK, Flight, fly
 
+from fwav_companion.recording.line_decoder import read_lines
+from fwav_companion.recording.line_types import TargetLine
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
@@ -65,9 +66,9 @@ def test_a_filter_of_ones_own_follows_the_targets(site):
     (site.folder / "mean_filter.py").write_bytes(EXAMPLE.read_bytes())
     done = site.replay("--allow-code", "--set", "tracking.filter=mean_filter:MeanFilter")
     assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in (site.folder / "targets.jsonl").read_text().splitlines()]
-    assert lines[0]["config"]["tracking"]["filter"] == "mean_filter:MeanFilter"
-    confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
+    lines = read_lines((site.folder / "targets.jsonl").read_bytes().splitlines()).lines
+    assert lines[0].config["tracking"]["filter"] == "mean_filter:MeanFilter"
+    confirmed = [line for line in lines if isinstance(line, TargetLine) and line.state == "confirmed"]
     assert site.flown.error_m(confirmed[-1]) < 1.5
 
 

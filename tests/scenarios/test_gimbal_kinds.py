@@ -132,8 +132,8 @@ def test_two_targets_below_a_servo_mount_are_two_tracks_of_the_smoother():
     and without the noise of the other reading before that four.
     """
     flight = flown("servo", 101, smoother=SmootherOptions())
-    assert {line["label"] for line in flight.companion.targets()} == {"left", "right"}
-    assert len({line["track"] for line in flight.companion.targets()}) == len(BOTH_SIDES)
+    assert {line.label for line in flight.companion.targets()} == {"left", "right"}
+    assert len({line.track for line in flight.companion.targets()}) == len(BOTH_SIDES)
 
 
 def test_yaw_zero_of_a_gimbal_is_reported_with_its_number_and_moves_no_target():
