@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -22,7 +23,7 @@ LINE: Final = 120
 
 
 class WaitingConnections:
-    """Closes connections that send no request that is answered: after REQUEST_S, and the newest of too many."""
+    """Closes connections that send no request that is answered: after REQUEST_S, and those beyond MOST_WAITING."""
 
     def __init__(self, server: web.Server, clock: Callable[[], float]) -> None:
         """``clock``: seconds that never go back."""
@@ -37,13 +38,20 @@ class WaitingConnections:
         self._requesting.add(request.protocol)
 
     def sweep(self) -> None:
-        """Close the connections that wait for too long, and the newest beyond MOST_WAITING."""
+        """Close the connections that wait for too long, and beyond MOST_WAITING the newest of the hosts with most: a
+        flood keeps no browser of another host out.
+        """
         now_s = self._clock()
         opened = self._server.connections
         self._requesting.intersection_update(opened)
         waiting = [each for each in opened if each not in self._requesting]
         self._since_s = {each: self._since_s.get(each, now_s) for each in waiting}
-        for place, each in enumerate(sorted(waiting, key=self._since_s.__getitem__)):
+        of_host, ranks = Counter[str](), dict[Any, int]()
+        for each in sorted(waiting, key=self._since_s.__getitem__):
+            host = _host(each)
+            ranks[each] = of_host[host]
+            of_host[host] += 1
+        for place, each in enumerate(sorted(ranks, key=ranks.__getitem__)):
             if (place >= MOST_WAITING or now_s - self._since_s[each] > REQUEST_S) and each.transport is not None:
                 each.transport.abort()
 
@@ -52,6 +60,12 @@ class WaitingConnections:
         while True:
             self.sweep()
             await asyncio.sleep(SWEEP_S)
+
+
+def _host(connection: Any) -> str:
+    """Address of the other end; "" where it has gone."""
+    peer = None if connection.transport is None else connection.transport.get_extra_info("peername")
+    return str(peer[0]) if peer else ""
 
 
 class QuietLog(logging.LoggerAdapter[logging.Logger]):

@@ -250,6 +250,21 @@ def test_server_closes_connections_without_a_request_and_the_newest_of_too_many(
         assert all(map(is_closed, opened[: connections.MOST_WAITING]))
 
 
+def test_half_requests_of_one_host_keep_no_browser_of_another_out(picture):
+    """The newest of all were closed: a browser that came during a flood had no answer."""
+    with served(picture) as port:
+        flood = [
+            socket.create_connection(("127.0.0.1", port), 20.0, source_address=("127.0.0.2", 0))
+            for _ in range(3 * connections.MOST_WAITING)
+        ]
+        with socket.create_connection(("127.0.0.1", port), 20.0) as browser:
+            assert all(map(is_closed, flood[connections.MOST_WAITING :]))
+            browser.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+            assert browser.recv(100).startswith(b"HTTP/1.1 200")
+        for each in flood:
+            each.close()
+
+
 def test_server_keeps_a_page_that_reads_for_longer_than_a_request_may_take(picture, monkeypatch):
     monkeypatch.setattr(connections, "REQUEST_S", 0.2)
     with served(picture) as port, socket.create_connection(("127.0.0.1", port), 20.0) as page:
