@@ -123,6 +123,18 @@ def timesync(node: Node, now: HostNs, ts1: int) -> None:
     node.encode(Outgoing(name="TIMESYNC", fields=fields, to=Destination.AUTOPILOT, component=191), now)
 
 
+def test_a_station_whose_heartbeats_a_stranger_sends_in_advance_keeps_its_rates():
+    """A heartbeat has 256 variants. The station's own were dropped as copies, and its rates after a minute."""
+    relay = Relay()
+    relay.feed("ground", relay.ground.frame("COMMAND_LONG", 1, 1, 511, 0, QUATERNION, 1e6 / 20, 0, 0, 0, 0, 0))
+    for _ in range(90):
+        beat = relay.ground.heartbeat(dialect.MAV_TYPE_GCS, 8)
+        relay.feed("plain", beat)
+        assert relay.feed("ground", beat) == []
+        relay.count("ground", 1.0, hz=10.0)
+    assert relay.count("ground", 1.0) == pytest.approx(20, abs=1)
+
+
 @pytest.mark.parametrize("ts1", [123_456_789_012, 0xF0_1234, 1])
 def test_the_answer_to_our_timesync_reaches_no_other_clock_filter(ts1):
     relay = Relay()

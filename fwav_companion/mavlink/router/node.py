@@ -236,7 +236,7 @@ class Node:
             stream.count += 1
             if (old.get(data, link) != link or young.setdefault(data, link) != link) and not genuine(port, frame):
                 port.duplicates += 1
-                received.copied |= frame.known
+                received.copied |= self._reader.on_copy(port, frame, now)
                 dropped.append(frame)
                 continue
             if stream.direct is None or trust is Trust.UNSIGNED_REQUEST:

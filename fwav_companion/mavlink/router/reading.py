@@ -58,6 +58,14 @@ class FrameReader:
             messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED, foreign=self._foreign))
         return True
 
+    def on_copy(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
+        """Note that a sender is there by a frame that came by another link before, and is not read: a stranger there
+        may send a station's heartbeats in advance. Returns whether the frame is of a known id.
+        """
+        if frame.known and frame.msgid == _HEARTBEAT.msgid:
+            self._note_presence(port, frame, now)
+        return frame.known
+
     def on_radio(self, port: Port, frame: RawFrame, messages: list[Message], now: HostNs) -> None:
         """Read a radio's report."""
         self._router.on_radio(port, frame.payload_byte(_TXBUF_OFFSET), now)
@@ -70,9 +78,13 @@ class FrameReader:
             boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
             self._router.on_clock(port, frame, boot_ms, now)
         elif frame.msgid == _HEARTBEAT.msgid:
-            sender = frame.system << 8 | frame.component
-            self._router.merged.heard(port.name, sender, now)
-            if port.merges_rate_requests:
-                port.ration.hear(port.source or sender, now)
-            if frame.payload_byte(_TYPE_OFFSET) == MAV_TYPE_GCS:
-                port.ground_station_ns = now
+            self._note_presence(port, frame, now)
+
+    def _note_presence(self, port: Port, frame: RawFrame, now: HostNs) -> None:
+        """Keep what the sender of a heartbeat has on the link."""
+        sender = frame.system << 8 | frame.component
+        self._router.merged.heard(port.name, sender, now)
+        if port.merges_rate_requests:
+            port.ration.hear(port.source or sender, now)
+        if frame.payload_byte(_TYPE_OFFSET) == MAV_TYPE_GCS:
+            port.ground_station_ns = now
