@@ -22,7 +22,6 @@ BENCHMARKS = (
     "filter_update",
     "ten_targets",
     "calls",
-    "clock_and_rates",
     "startup",
     "daemon",
     "solving",
