@@ -15,6 +15,7 @@ from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
 from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.report.reason_table import judged_reasons
 from fwav_companion.types import ClockStatus, HeightSource, Reason, TrackState
 
 NAMES: dict[str, type[StrEnum]] = {
@@ -37,7 +38,8 @@ def test_reasons_and_states():
 def test_the_codes_of_findings():
     """The codes of all findings that the doctor makes; a finding about refusals has the name of its reason."""
     trees = [ast.parse(path.read_text()) for path in Path(getfile(Finding)).parent.rglob("*.py")]
-    hold("findings", {code for tree in trees for node in ast.walk(tree) for code in codes_of(node)})
+    judged = {reason.value for things in ("frame", "detection") for reason in judged_reasons(things)}
+    hold("findings", judged | {code for tree in trees for node in ast.walk(tree) for code in codes_of(node)})
 
 
 def codes_of(node: ast.AST) -> list[str]:
