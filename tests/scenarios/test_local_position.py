@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flying import Flight, fly
 
-from fwav_companion.recording.line_types import OriginLine, TargetLine
+from fwav_companion.recording.line_types import CalibrationLine, OriginLine, TargetLine
 from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
 from sitl_mock.flow import Flow
@@ -180,6 +180,6 @@ def test_self_calibration_in_the_local_frame_finds_the_delay_within_its_claim():
     """A swinging body shows it, in the autopilot's local frame as anywhere."""
     flight = fly(scenario("flow").but({"seed": 3, "seconds": 35.0, "biases.time_offset_s": 0.02}), CALIBRATED)
     assert flight.companion.codes.count(NoticeCode.LOCAL_WORLD) == 1
-    last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
-    assert abs(last["time_offset_s"] - 0.02) < 3.0 * last["time_offset_sigma_s"]
-    assert last["time_offset_sigma_s"] < 0.005, "half of the prior's"
+    last = [line for line in flight.companion.lines if isinstance(line, CalibrationLine)][-1]
+    assert abs(last.time_offset_s - 0.02) < 3.0 * last.time_offset_sigma_s
+    assert last.time_offset_sigma_s < 0.005, "half of the prior's"

@@ -25,12 +25,12 @@ HARBOUR = scenario("copter_circles").but(
 def test_each_label_is_tracked_by_its_own_motion(targets):
     flight = fly(HARBOUR, ("tracking.self_calibration=false",), text=LINK + CAMERA + targets)
     boat, post = (
-        [line for line in flight.companion.targets(label) if line["state"] == "confirmed" and line["fix"]][60:]
+        [line for line in flight.companion.targets(label) if line.state == "confirmed" and line.fix][60:]
         for label in ("boat", "post")
     )
-    assert len({line["track"] for line in boat + post}) == 2, "one track each"
-    assert all(line["vel"] is None for line in post)
-    north, east, _ = np.mean([line["vel"] for line in boat[-100:]], axis=0)
+    assert len({line.track for line in boat + post}) == 2, "one track each"
+    assert all(line.vel is None for line in post)
+    north, east, _ = np.mean([line.vel for line in boat[-100:]], axis=0)
     assert (north, east) == pytest.approx((0.25, 0.43), abs=0.2)
     for lines in (boat, post):
         squares = [flight.relative_error(line)[1] for line in lines]

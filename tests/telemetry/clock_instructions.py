@@ -2,7 +2,7 @@
 
 The flight is the mock's, with TIMESYNC answered and a station that asks for rates. What is asked of ``Clock`` and
 ``Rates`` in it is noted, by each version for itself, and done again under callgrind, less a run that only reads.
-``python -m tests.benchmarks.clock_and_rates``: it needs valgrind and the project's history, and is no part of ``bench``.
+Run from the folder of the project, with its history and valgrind: ``python tests/telemetry/clock_instructions.py``.
 """
 
 from __future__ import annotations
@@ -120,10 +120,8 @@ def instructions_m(tree: Path, folder: Path) -> float:
     return (counts[0] - counts[1]) / 1e6
 
 
-def measure() -> list[Any]:
-    """Two versions, some minutes. Takes valgrind and the project's history."""
-    from tests.benchmarks.figure import Figure
-
+def measured() -> str:
+    """Both versions, in some minutes."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         before = folder / "before"

@@ -43,7 +43,7 @@ def test_target_keeps_its_track_and_its_place_over_a_reboot():
     options = scenario("rebooting").but(CALM)
     settings = (f"camera.readout_s={options.camera.readout_s}", *NO_BIASES)
     flown = fly(options, settings, smoother=SmootherOptions())
-    confirmed = [line for line in flown.companion.targets() if line["state"] == "confirmed"]
-    assert len({line["track"] for line in confirmed}) == 1
+    confirmed = [line for line in flown.companion.targets() if line.state == "confirmed"]
+    assert len({line.track for line in confirmed}) == 1
     assert flown.seen_at_s(confirmed[-1]) > 16.0
     assert miss_m(flown) < 0.05
