@@ -1,8 +1,7 @@
-"""Normal equations of weighted sightings, with the noise that several of them share divided out.
+"""Normal equations of weighted sightings, with the noise that a frame's sightings share divided out.
 
 The covariance of one frame's residuals is D + G G' with D = diag(1 / weight) and the common noise G (2 M, 7). Its
-inverse by the matrix inversion lemma (Woodbury 1950) costs 7 x 7 for each frame, however many sightings it has. The
-sines of the error between two knots are unknowns of their gap, eliminated by its Schur complement.
+inverse by the matrix inversion lemma (Woodbury 1950) costs 7 x 7 for each frame, however many sightings it has.
 """
 
 from __future__ import annotations
@@ -23,17 +22,8 @@ class WeightedSightings(NamedTuple):
     """Sightings with their noise under one kernel."""
 
     common: Array  # (2, 7, N) standardised, one sigma each
-    modes: Array  # (2, 6, N) the same of the sines between two knots, which all sightings of the gap share
     distance2: Array  # (N,) squared, in standard deviations
     weight: Array  # (N,) 0 to 1
-
-
-class GapModes(NamedTuple):
-    """Amplitudes of the sines between each two knots, given the unknowns about them; in sigmas."""
-
-    mean: Array  # (K - 1, 6) where the unknowns are as linearised
-    slope: Array  # (K - 1, 6, o + 6) by which a correction of shared, targets and the two knots lowers it
-    covariance: Array  # (K - 1, 6, 6)
 
 
 class SightingInformation(NamedTuple):
@@ -43,7 +33,6 @@ class SightingInformation(NamedTuple):
     right: Array  # (n,)
     squares: float  # of the residuals
     log_determinant: float  # of the noise
-    modes: GapModes
 
 
 def own_inverse(common: Array, variance: Array) -> tuple[Array, Array]:
@@ -84,29 +73,12 @@ def normal_equations(
     use = np.flatnonzero(is_used(problem, weighted))
     o = problem.errors_at
     rows = sighting_rows(problem, projection) if rows is None else rows
-    every = np.concatenate([rows, weighted.modes, projection.residual[:, None]], 1).take(use, -1)
+    every = np.concatenate([rows, projection.residual[:, None]], 1).take(use, -1)
     common = weighted.common.take(use, -1)
     divided, log_det = _divide_by_noise(every, common, weighted.weight[use], problem.s.frame[use])
     parts, left = _sum_over_gaps(every, divided, problem.left[use])
-    parts, modes, more = _without_modes(parts, left, o + 6, len(problem.gaps))
     information, right = _scatter(parts, left, o, len(problem.knots))
-    return SightingInformation(information, right, float(parts[:, -1, -1].sum()), log_det + more, modes)
-
-
-def _without_modes(parts: Array, left: Ints, o: int, gaps: int) -> tuple[Array, GapModes, float]:
-    """Products (G, o + 1, o + 1) of the gaps without the sines' six columns at `o`; log determinant of what they add.
-
-    A sine's column is that of one sigma, so its prior is one.
-    """
-    keep, sines = np.append(np.arange(o), o + 6), slice(o, o + 6)
-    inner = parts[:, sines, sines] + np.eye(6)
-    seen = parts[:, sines][:, :, keep]  # (G, 6, o + 1)
-    covariance = np.linalg.inv(inner)
-    given = covariance @ seen
-    modes = GapModes(np.zeros((gaps, 6)), np.zeros((gaps, 6, o)), np.tile(np.eye(6), (gaps, 1, 1)))
-    modes.mean[left], modes.slope[left], modes.covariance[left] = given[..., -1], given[..., :-1], covariance
-    log_det = float(np.linalg.slogdet(inner)[1].sum())
-    return parts[:, keep[:, None], keep] - seen.swapaxes(1, 2) @ given, modes, log_det
+    return SightingInformation(information, right, float(parts[:, -1, -1].sum()), log_det)
 
 
 def _divide_by_noise(rows: Array, common: Array, weight: Array, frame: Ints) -> tuple[Array, float]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fwav_companion.estimation.errors import Array
-from fwav_companion.estimation.information import GapModes, WeightedSightings, is_used
+from fwav_companion.estimation.information import WeightedSightings, is_used
 from fwav_companion.estimation.problem import Problem
 from fwav_companion.estimation.robust_weights import leave_one_out_distance2
 
@@ -19,32 +19,21 @@ class PostFit(NamedTuple):
 
     residual: Array  # (2, N) standardised
     known: Array  # (2, 2, N) covariance of its prediction by all sightings, itself among them
-    amplitude: Array  # (6, N) of the sines of each sighting's gap, in sigmas
 
 
-def post_fit(
-    problem: Problem, rows: Array, residual: Array, weighted: WeightedSightings, step: Array, covariance: Array,
-    modes: GapModes,
-) -> PostFit:  # fmt: skip
+def post_fit(problem: Problem, rows: Array, residual: Array, step: Array, covariance: Array) -> PostFit:
     """Residuals after a step (n,) with the covariance (n, n) of all unknowns, linearised; rows: (2, o + 6, N)."""
     o, count = problem.errors_at, len(problem.s)
-    left = np.empty((2, count))
-    known, amplitude = np.empty((2, 2, count)), np.empty((6, count))
+    left, known = np.empty((2, count)), np.empty((2, 2, count))
     first, near = np.arange(o), o + np.arange(6)
     for gap in np.unique(problem.left).tolist():
         i = np.flatnonzero(problem.left == gap)
         index = np.concatenate([first, near + 3 * gap])
-        by_mode, slope = weighted.modes.take(i, -1), modes.slope[gap]
-        h = rows.take(i, -1)
-        mean = modes.mean[gap] - slope @ step[index]  # (6,)
-        left[:, i] = residual[:, i] - np.tensordot(step[index], h, (0, 1)) - np.tensordot(mean, by_mode, (0, 1))
-        amplitude[:, i] = mean[:, None]
-        # A correction of the unknowns lowers the sines' amplitudes: what the sighting shows of both together.
-        h = h - np.tensordot(slope, by_mode, (0, 1)).swapaxes(0, 1)
+        h = rows.take(i, -1)  # (2, o + 6, n)
+        left[:, i] = residual[:, i] - np.tensordot(step[index], h, (0, 1))
         carried = np.tensordot(covariance[index[:, None], index], h, (1, 1))  # (o + 6, 2, n)
-        own = np.tensordot(modes.covariance[gap], by_mode, (1, 1))  # (6, 2, n)
-        known[..., i] = np.einsum("awn,wbn->abn", h, carried) + np.einsum("awn,wbn->abn", by_mode, own)
-    return PostFit(left, known, amplitude)
+        known[..., i] = np.einsum("awn,wbn->abn", h, carried)
+    return PostFit(left, known)
 
 
 def judge_sightings(problem: Problem, weighted: WeightedSightings, after: PostFit) -> Array:

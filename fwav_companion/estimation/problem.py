@@ -28,7 +28,7 @@ from fwav_companion.estimation.measurement import Poses, Projection, feet, proje
 from fwav_companion.estimation.path_samples import Carrier, CarrierRates
 from fwav_companion.estimation.range_readings import UsedReadings
 from fwav_companion.estimation.robust_weights import HALF, leave_one_out_distance2, survey_weights
-from fwav_companion.estimation.wander import MODES, Pieces, Wander, WanderKernel, sines
+from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
 
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
@@ -57,14 +57,10 @@ class State:
 
 
 class ErrorNoise(NamedTuple):
-    """Standard deviations of the error about the line between two knots, under one kernel.
+    """Standard deviations of the error about the line between two knots, under one kernel."""
 
-    A gap's sightings share two sines of it (`wander.sines`); the rest is noise of each sighting.
-    """
-
-    level: Array  # (N,) m, the rest, north and east
-    up: Array  # (N,) m, the rest
-    modes: Array  # (6, K - 1) m, amplitudes of the first sine north, east, up, then of the second
+    level: Array  # (N,) m, north and east
+    up: Array  # (N,) m
     gap_variance: Array  # (K - 1,) m^2, mean of north plus east over a gap
 
 
@@ -100,7 +96,6 @@ class Problem:
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
-        self.shapes = sines(self.part)  # (2, N) of the error about the lines
         self.usable = np.ones(len(s), np.bool_)
         for b in carrier.path.breaks:
             self.usable &= (s.t <= b.before - BREAK_MARGIN_S) | (s.t >= b.after + BREAK_MARGIN_S)
@@ -138,19 +133,12 @@ class Problem:
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
             # The frame's own position error is about the line, too.
             _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
-            level_modes, up_modes = level.mode_variances(self.gaps), up.mode_variances(self.gaps)  # (2, K - 1)
-            shape2 = self.shapes**2
-            level_rest, up_rest = (
-                np.maximum(0.0, w.bridge(gap, self.part) - (shape2 * modes.take(self.left, 1)).sum(0))
-                for w, modes in ((level, level_modes), (up, up_modes))
-            )
-            variance = level_rest + own**2
+            variance = level.bridge(gap, self.part) + own**2
             if self.pieces is not None:
                 variance = variance + level.bridge_of_pieces(gap, self.part, self.left, self.pieces)
             level_sigma = np.sqrt(variance)
-            up_sigma = np.sqrt(up_rest + own_up**2)
-            amplitudes = np.sqrt(np.stack([level_modes, level_modes, up_modes], 1).reshape(3 * MODES, -1))
-            self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, amplitudes, 2.0 * mean)
+            up_sigma = np.sqrt(up.bridge(gap, self.part) + own_up**2)
+            self._noise[kernel] = ErrorNoise(level_sigma, up_sigma, 2.0 * mean)
         return self._noise[kernel]
 
     def prior(self, kernel: WanderKernel) -> tuple[Array, float]:

@@ -47,5 +47,4 @@ def with_readings(
         sightings.right + divided @ residual,
         sightings.squares + float((weight / variance * residual * residual).sum()),
         sightings.log_determinant + float(np.log(variance / weight).sum()),
-        sightings.modes,
     )

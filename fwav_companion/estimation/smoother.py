@@ -15,7 +15,6 @@ import numpy as np
 from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, MOUNT, PITCH, Array, Ints, SampleNoise
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.information import (
-    GapModes,
     WeightedSightings,
     normal_equations,
     own_inverse,
@@ -26,7 +25,7 @@ from fwav_companion.estimation.post_fit import PostFit, judge_sightings, post_fi
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.range_rows import with_readings
 from fwav_companion.estimation.robust_weights import HALF, expected_weights
-from fwav_companion.estimation.wander import MODES, WanderKernel
+from fwav_companion.estimation.wander import WanderKernel
 
 COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error between knots 3
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
@@ -45,7 +44,6 @@ class Step:
     step: Array  # (n,)
     size: float  # squared length in standard deviations
     covariance: Array  # (n, n)
-    modes: GapModes  # of the error between the knots
     log_likelihood: float  # marginal, up to a constant that kernels share; 0 where it was not asked for
     log_determinant: float  # of the information matrix
 
@@ -70,25 +68,21 @@ def sighting_noise(problem: Problem, projection: Projection, kernel: WanderKerne
     g[:, :4] = common_noise(projection, problem.model.noise, problem.s.own_noise)
     g[:, 4:6] = projection.point[:, :2] * noise.level
     g[:, 6] = projection.point[:, 2] * noise.up
-    bridge = problem.shapes[:, None] * noise.modes.reshape(MODES, 3, -1).take(problem.left, -1)  # (2, 3, N) m
-    modes = (projection.point[:, None] * bridge).reshape(2, 3 * MODES, count)
-    inverse, _ = own_inverse(np.concatenate([g, modes], 1), np.ones(count))
+    inverse, _ = own_inverse(g, np.ones(count))
     u, v = projection.residual
     distance2 = u * u * inverse[0, 0] + 2 * u * v * inverse[0, 1] + v * v * inverse[1, 1]
-    return WeightedSightings(g, modes, distance2, projection.visible.astype(np.float64))
+    return WeightedSightings(g, distance2, projection.visible.astype(np.float64))
 
 
 def bridge_means(
     problem: Problem, projection: Projection, weighted: WeightedSightings, kernel: WanderKernel, after: PostFit
 ) -> Array:
-    """Mean (3, N) of the error about the lines between knots, m: the sines of each gap, and the rest of a sighting."""
+    """Mean (3, N) of the error about the lines between knots, m."""
     noise = problem.error_noise(kernel)
     inverse, _ = own_inverse(weighted.common, 1.0 / np.maximum(weighted.weight, _LEAST_BRIDGE_WEIGHT))
     seen = (inverse * after.residual).sum(1)  # (2, N)
     variance = np.stack([noise.level, noise.level, noise.up]) ** 2
-    rest = variance * (projection.point * seen[:, None]).sum(0)
-    sines = (noise.modes.take(problem.left, -1) * after.amplitude).reshape(MODES, 3, -1) * problem.shapes[:, None]
-    return np.asarray(sines.sum(0) + rest)
+    return np.asarray(variance * (projection.point * seen[:, None]).sum(0))
 
 
 def gauss_newton_step(
@@ -112,7 +106,7 @@ def gauss_newton_step(
         log_det = float(np.linalg.slogdet(scaled)[1]) - 2.0 * float(np.log(scale).sum())
         misfit = equations.squares + float(deviation @ pulled) - float(gradient @ step)
         log_likelihood = -0.5 * (misfit + equations.log_determinant + knots_det + log_det)
-    return Step(step, float(step @ gradient), covariance, equations.modes, log_likelihood, log_det)
+    return Step(step, float(step @ gradient), covariance, log_likelihood, log_det)
 
 
 def reported_unknowns(problem: Problem) -> Ints:
@@ -155,7 +149,7 @@ def iterate(
         weighted = noise._replace(weight=noise.weight * weight)
         found = gauss_newton_step(problem, state, projection, weighted, kernel, rows)
         yield
-        after = post_fit(problem, rows, projection.residual, weighted, found.step, found.covariance, found.modes)
+        after = post_fit(problem, rows, projection.residual, found.step, found.covariance)
         problem.bridge = bridge_means(problem, projection, weighted, kernel, after)
         share = step_share(problem, projection, found.step)
         state = state.plus(share * found.step)
@@ -174,7 +168,7 @@ def judged_weights(
 ) -> Array:
     """Weights (N,) at a state by what all others predict, where no earlier step has weights."""
     found = gauss_newton_step(problem, state, projection, noise, kernel, rows)
-    after = post_fit(problem, rows, projection.residual, noise, found.step, found.covariance, found.modes)
+    after = post_fit(problem, rows, projection.residual, found.step, found.covariance)
     return expected_weights(judge_sightings(problem, noise, after))
 
 

@@ -35,8 +35,6 @@ _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the 
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
-MODES = 2  # sines of the error between two knots that the sightings there share
-_GRID = 32
 _UNMEASURED_M_S2 = 3.0  # a small vehicle that banks at 17 degrees
 _LEAST_JUMP_M = 0.1  # one sigma of a jump at least: steps of the format, and reports of one instant that differ
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
@@ -96,14 +94,6 @@ class Wander:
         line = (part**2 + (1.0 - part) ** 2) * start + 2.0 * part * (1.0 - part) * ends
         return np.asarray(np.maximum(0.0, start + line - 2.0 * ((1.0 - part) * left + part * right)))
 
-    def mode_variances(self, gap: Array) -> Array:
-        """Variances (2, K - 1) m^2 of the amplitudes of `sines` between knots that are gaps (K - 1,) s apart.
-
-        Frames of one gap share its error about the line: with noise of each frame alone they claim more than they show.
-        """
-        at_lags = self.covariance(gap[:, None] * np.linspace(0.0, 1.0, _GRID + 1))  # (K - 1, 33)
-        return np.asarray(np.maximum(0.0, at_lags @ _AMPLITUDES).T)
-
     def bridge_of_pieces(self, gap: Array, part: Array, left: Ints, pieces: Pieces) -> Array:
         """Variance (N,) m^2 about the lines between knots that the worse solutions add; left (N,): the knot before.
 
@@ -128,32 +118,6 @@ class Wander:
         root = np.linalg.cholesky(covariance)
         inverse = np.linalg.inv(root)
         return inverse.T @ inverse, 2.0 * float(np.log(np.diag(root)).sum())
-
-
-def sines(part: Array) -> Array:
-    """The shapes (2, N) of the error about the line between two knots, at parts (N,) of the gap; zero at both knots."""
-    return np.sin(np.pi * np.arange(1, MODES + 1)[:, None] * part)
-
-
-def _amplitude_weights() -> Array:
-    """Weights (33, 2) of a process's covariances at lags of 0 to 1 gap: their sums are the sines' variances.
-
-    An amplitude is the error about the line, projected onto its sine by the trapezoidal rule. Its variance is linear in
-    the covariance of the process: e(p) - (1 - p) e(0) - p e(1), squared.
-    """
-    part, index = np.linspace(0.0, 1.0, _GRID + 1), np.arange(_GRID + 1)
-    p, q, i, j = part[:, None], part, index[:, None], index
-    by_lag = np.zeros((_GRID + 1, _GRID + 1, _GRID + 1))  # (lag, p, q)
-    for lag, factor in (
-        (abs(i - j), 1.0), (i + 0 * j, q - 1.0), (_GRID - i + 0 * j, -q), (j + 0 * i, p - 1.0), (_GRID - j + 0 * i, -p),
-        (0 * i + 0 * j, (1.0 - p) * (1.0 - q) + p * q), (0 * i + 0 * j + _GRID, p * (1.0 - q) + (1.0 - p) * q),
-    ):  # fmt: skip
-        np.add.at(by_lag, (lag, i + 0 * j, j + 0 * i), factor + 0.0 * p * q)
-    shape = sines(part) * (2.0 / _GRID)  # (2, 33)
-    return np.asarray(np.einsum("lpq,mp,mq->lm", by_lag, shape, shape))
-
-
-_AMPLITUDES: Final = _amplitude_weights()
 
 
 class ErrorAgeing:

@@ -87,25 +87,22 @@ def test_distances_are_those_of_fits_that_leave_each_measurement_out():
 
 
 def test_prediction_by_all_sightings_is_that_of_the_dense_fit(problem):
-    """Sines between the knots are unknowns as the others: their means and covariances are those of one large fit."""
     errors = np.zeros((len(problem.knots), 3))
     state = State(np.zeros(13), problem.first_targets(np.zeros(13), errors, {}), errors)
     projection = problem.linearise(state, SMOOTH)
     rows, noise = sighting_rows(problem, projection), sighting_noise(problem, projection, SMOOTH)
     step = gauss_newton_step(problem, state, projection, noise, SMOOTH, rows)
-    after = post_fit(problem, rows, projection.residual, noise, step.step, step.covariance, step.modes)
-    n, o, size, gaps = len(problem.s), problem.errors_at, problem.size, len(problem.gaps)
-    j, inverse = np.zeros((2, n, size + 6 * gaps)), np.zeros((n, 2, 2))
+    after = post_fit(problem, rows, projection.residual, step.step, step.covariance)
+    n, o, size = len(problem.s), problem.errors_at, problem.size
+    j, inverse = np.zeros((2, n, size)), np.zeros((n, 2, 2))
     for i in range(n):
         left = problem.left[i]
         j[:, i, :o], j[:, i, o + 3 * left : o + 3 * left + 6] = rows[:, :o, i], rows[:, o:, i]
-        j[:, i, size + 6 * left : size + 6 * left + 6] = noise.modes[..., i]
         inverse[i] = np.linalg.inv(np.eye(2) + noise.common[..., i] @ noise.common[..., i].T)
-    prior = np.eye(j.shape[2])
-    prior[:size, :size] = problem.prior(SMOOTH)[0]
+    prior = problem.prior(SMOOTH)[0]
     covariance = np.linalg.inv(prior + np.einsum("aiu,iab,biv->uv", j, inverse, j))
     right = np.einsum("aiu,iab,bi->u", j, inverse, projection.residual)
-    right[:size] -= problem.prior(SMOOTH)[0] @ problem.deviation(state)
+    right -= prior @ problem.deviation(state)
     mean = covariance @ right
     assert after.residual == pytest.approx(projection.residual - j @ mean, abs=1e-4)
     assert after.known == pytest.approx(np.einsum("aiu,uv,biv->abi", j, covariance, j), rel=1e-3, abs=1e-6)

@@ -56,13 +56,11 @@ def start(problem):
 
 
 def dense_noise(weighted, problem):
-    """(2 N, 2 N) covariance of all residuals, first components first: a frame's common noise, a gap's sines, pixels."""
+    """(2 N, 2 N) covariance of all residuals, first components first: a frame's common noise, pixels."""
     n, frame = len(problem.s), np.tile(problem.s.frame, 2)
-    left = np.tile(problem.left, 2)
-    g, m = (a.transpose(0, 2, 1).reshape(2 * n, -1) for a in (weighted.common, weighted.modes))
+    g = weighted.common.transpose(0, 2, 1).reshape(2 * n, -1)
     by_frame = np.where(frame[:, None] == frame, g @ g.T, 0.0)
-    by_gap = np.where(left[:, None] == left, m @ m.T, 0.0)
-    return by_frame + by_gap + np.diag(np.tile(1 / weighted.weight, 2))
+    return by_frame + np.diag(np.tile(1 / weighted.weight, 2))
 
 
 def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
