@@ -160,7 +160,7 @@ def _landed(options: Options, target: str, settings: Sequence[str]) -> Landing:
 
 
 def _shares(mock: Any, companion: Watched, lines: Sequence[Line], end_s: float) -> tuple[int, int]:
-    first_unix = next((line["time_unix"] for line in lines if line["state"] == "confirmed"), None)
+    first_unix = next((line.time_unix for line in lines if line.state == "confirmed"), None)
     if first_unix is None:
         return 0, 0
     first_ns = round(first_unix * 1e9) - companion.unix_offset_ns + 100_000_000
