@@ -120,6 +120,8 @@ class AutopilotOptions:
     """(from, until) seconds without a global position."""
     flow: bool = False
     """Optical flow: without a global position the autopilot has a local one, and its filter reports that."""
+    local_message: Literal["LOCAL_POSITION_NED", "ODOMETRY"] = "LOCAL_POSITION_NED"
+    """Message that has the local position; the other one is not sent."""
     flow_drift: NotNegative = 0.01
     """One sigma of the local position's drift, each axis, of the way flown."""
     flow_lost_s: tuple[tuple[float, float], ...] = ()

@@ -81,7 +81,7 @@ class Belief:
         """Local (position, velocity) by optical flow at an instant: NED from the EKF's origin, metres and m/s."""
         state = self._flight.at(flight_s - self._o.autopilot.position_delay_s - self._biases.position_delay_s)
         p, origin = self._o.priors, self._o.autopilot.ekf_origin_m
-        position, velocity = plus(state.position, self._flow.error(flight_s)), state.velocity
+        position, velocity = plus(state.position, self.flow_error(flight_s)), state.velocity
         noise = (p.position_noise_m, p.position_noise_m, p.height_noise_m)
         north, east, down = (
             each + self._flow_noise.gauss(0.0, sigma) - zero
@@ -92,7 +92,12 @@ class Belief:
 
     def flow_error(self, flight_s: float) -> Vector:
         """Local position by optical flow minus truth without noise, NED, metres."""
-        return self._flow.error(flight_s)
+        by_north, by_east = shifted(self._o.autopilot.position_shifts, flight_s)
+        return plus(self._flow.error(flight_s), (by_north, by_east, 0.0))
+
+    def resets(self, flight_s: float) -> int:
+        """Number of steps of the position until an instant."""
+        return sum(from_s == to_s <= flight_s for from_s, to_s, _, _ in self._o.autopilot.position_shifts)
 
     def wander(self, flight_s: float) -> tuple[float, float]:
         """Horizontal position error at an instant without noise, for the truth file: north, east, metres."""

@@ -13,7 +13,7 @@ from sitl_mock.clock import BootClock
 from sitl_mock.earth import Place
 from sitl_mock.gimbal import BEHIND_AUTOPILOT
 from sitl_mock.options import Options
-from sitl_mock.rotation import Vector, quaternion_from_euler
+from sitl_mock.rotation import Vector, apply_transposed, matrix_from_euler, quaternion_from_euler
 from sitl_mock.standing import autopilot_version, heartbeat, sys_status
 from sitl_mock.station_messages import STATION_MESSAGES, Maker
 
@@ -27,6 +27,10 @@ FILTER_LOCAL = 2 | 8 | 256
 FILTER_GLOBAL = FILTER_LOCAL | 16 | 512
 FILTER_CONSTANT = 128
 """Flags of EKF_STATUS_REPORT and ESTIMATOR_STATUS: velocities, positions relative and absolute, and predicted ones."""
+LOCAL_NED, BODY_FRD, ESTIMATOR_AUTOPILOT = 1, 12, 8
+"""MAV_FRAME and MAV_ESTIMATOR_TYPE."""
+RESETS_BEFORE = 255
+"""Count of the filter's resets before the flight: the next one wraps it."""
 NO_POSITION = Place(0.0, 0.0, 0.0)
 
 
@@ -73,6 +77,9 @@ class Telemetry:
         if self._a.streams:
             stations = {name: partial(self._for_stations, maker) for name, maker in STATION_MESSAGES.items()}
             self._makers = stations | self._makers
+        if self._a.local_message == "ODOMETRY":
+            self._makers["ODOMETRY"] = self._odometry
+            del self._makers["LOCAL_POSITION_NED"]
         if not self._a.has_quaternion:
             del self._makers["ATTITUDE_QUATERNION"]
 
@@ -164,6 +171,31 @@ class Telemetry:
             return None
         (x, y, z), (vx, vy, vz) = position, velocity
         return {"time_boot_ms": self._boot_ms(host_ns), "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz}
+
+    def _odometry(self, host_ns: int) -> Fields | None:
+        """The local position by ODOMETRY: place in LOCAL_NED, velocity in BODY_FRD, as of PX4 before 1.13."""
+        local = self._local_position(host_ns)
+        if local is None:
+            return None
+        t = self.flight_s(host_ns)
+        euler = self._belief.own_state(t).euler
+        vx, vy, vz = apply_transposed(matrix_from_euler(*euler), (local["vx"], local["vy"], local["vz"]))
+        return {
+            **{name: local[name] for name in ("x", "y", "z")},
+            "time_usec": self._boot_us(host_ns),
+            "frame_id": LOCAL_NED,
+            "child_frame_id": BODY_FRD,
+            "q": list(quaternion_from_euler(*euler)),
+            "vx": vx,
+            "vy": vy,
+            "vz": vz,
+            **dict.fromkeys(("rollspeed", "pitchspeed", "yawspeed"), 0.0),
+            "pose_covariance": [nan] * 21,
+            "velocity_covariance": [nan] * 21,
+            "reset_counter": (RESETS_BEFORE + self._belief.resets(t)) % 256,
+            "estimator_type": ESTIMATOR_AUTOPILOT,
+            "quality": 0,
+        }
 
     def _filter_status(self, host_ns: int) -> Fields:
         """EKF_STATUS_REPORT or ESTIMATOR_STATUS: which positions the filter vouches for."""

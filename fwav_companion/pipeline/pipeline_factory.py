@@ -65,7 +65,7 @@ WANTED = frozenset(
     {
         "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
         "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
-        "SCALED_PRESSURE",
+        "SCALED_PRESSURE", "ODOMETRY",
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
         "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION", "MOUNT_STATUS", "PARAM_VALUE", "STATUSTEXT",
         "MESSAGE_INTERVAL", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS",
@@ -151,6 +151,7 @@ def make_pipeline(
         more_parameters=_more_parameters(config),
         on_demand={
             "LOCAL_POSITION_NED": config.rates.position,
+            "ODOMETRY": config.rates.position,
             "EKF_STATUS_REPORT": FILTER_STATUS_HZ,
             "ESTIMATOR_STATUS": FILTER_STATUS_HZ,
         },

@@ -120,7 +120,10 @@ class WorldHandlers:
 
     def _want_local_position(self, now: HostNs) -> None:
         """Request the autopilot's local position and its filter's report: there is no global position."""
+        telemetry, rates = self._components.telemetry, self._components.rates
         if self._components.camera is None:
             return
+        if not telemetry.message_hz("LOCAL_POSITION_NED", now):  # a PX4 has been asked for it since its adoption
+            rates.want("ODOMETRY", telemetry.message_hz("ODOMETRY", now), now)
         for name in LOCAL_POSITION_MESSAGES:
-            self._components.rates.want(name, self._components.telemetry.message_hz(name, now), now)
+            rates.want(name, telemetry.message_hz(name, now), now)

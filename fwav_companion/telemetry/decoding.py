@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion, normalized, quaternion_from_euler, rotate
-from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.types import RangeSample
 
@@ -21,6 +21,9 @@ MOST_UNDULATION_M = 120.0
 """Largest plausible undulation, metres: the geoid lies -106 to +85 m from the ellipsoid."""
 UTC_FROM_S, UTC_UNTIL_S = 1_577_836_800, 4_102_444_800
 """Range of plausible UTC, Unix seconds, 2020 to 2100: a receiver without time reports 1970 or 1980."""
+MOST_UTC_ERROR_NS = NS_PER_S
+"""Largest difference between the advances of UTC and of the boot clock from one SYSTEM_TIME to the next: at 1 Hz, a
+simulator at half speed differs by half a second."""
 FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX."""
 
@@ -85,6 +88,13 @@ def position(fields: Any) -> Position | Implausible:
     return Position(place, height_m, velocity)
 
 
+def local_position(place: Vector3, velocity: Vector3) -> tuple[Vector3, Vector3] | Implausible:
+    """Place and velocity in the autopilot's local frame, metres and m/s, as sent."""
+    if all(abs(c) <= 10.0 * MOST_HEIGHT_M for c in place) and all(abs(c) <= MOST_SPEED_M_S for c in velocity):
+        return place, velocity  # NaN compares false
+    return Implausible()
+
+
 def geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> Geodetic | None:
     """Place from degE7 and millimetres; None for 0/0 and for coordinates that are not on earth."""
     lat_deg, lon_deg, alt_m = lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm * 1e-3
@@ -108,6 +118,11 @@ def unix_ns(fields: Any) -> int | None:
     """UTC of SYSTEM_TIME, nanoseconds; None where the autopilot does not know it."""
     seconds = fields.time_unix_usec // 1_000_000
     return int(fields.time_unix_usec) * 1000 if UTC_FROM_S <= seconds <= UTC_UNTIL_S else None
+
+
+def utc_agrees(one: tuple[int, BootNs], other: tuple[int, BootNs]) -> bool:
+    """Whether two samples of (UTC in Unix nanoseconds, boot clock) advanced alike."""
+    return abs((one[0] - other[0]) - (one[1] - other[1])) <= MOST_UTC_ERROR_NS
 
 
 def finite_height_m(value: float) -> float | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3, add
 from fwav_companion.telemetry import decoding
 from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
@@ -24,6 +24,7 @@ from fwav_companion.telemetry.events import (
     StampDelay,
     TelemetryEvent,
 )
+from fwav_companion.telemetry.odometry import OdometryPosition, OdometryReader
 from fwav_companion.telemetry.position_jump import PositionJumps
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
@@ -31,10 +32,6 @@ from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
 
 SAFETY_ARMED = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
-
-MOST_UTC_ERROR_NS = NS_PER_S
-"""Largest difference between the advances of UTC and of the boot clock from one SYSTEM_TIME to the next: at 1 Hz, a
-simulator at half speed differs by half a second."""
 
 
 class Intake:
@@ -59,6 +56,7 @@ class Intake:
         self._trim = PitchTrim()
         self._jumps = PositionJumps()
         self._climbs = ClimbCheck()
+        self._odometry = OdometryReader(clock)
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
         self._trials = 0
@@ -80,6 +78,7 @@ class Intake:
             "ATTITUDE_QUATERNION": self._on_attitude_quaternion,
             "GLOBAL_POSITION_INT": self._on_position,
             "LOCAL_POSITION_NED": self._on_local_position,
+            "ODOMETRY": self._on_odometry,
             "DISTANCE_SENSOR": self._on_distance,
             "SYSTEM_TIME": self._on_system_time,
             "ALTITUDE": self._on_altitude,
@@ -170,23 +169,35 @@ class Intake:
             ),
         )
 
-    def _take_place(self, boot_ns: BootNs, place_ned: Vector3, velocity_ned: Vector3) -> tuple[TelemetryEvent, ...]:
+    def _take_place(
+        self, boot_ns: BootNs, place_ned: Vector3, velocity_ned: Vector3, *, is_reset: bool = False
+    ) -> tuple[TelemetryEvent, ...]:
         """Store a position in the world's frame; an event where it jumped."""
         self._kept.positions.insert(boot_ns, place_ned, velocity_ned)
-        jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned)
+        jump = self._jumps.on_position(boot_ns, place_ned, velocity_ned, is_reset=is_reset)
         if jump is None:
             return ()
         self._kept.split_at_jump(boot_ns)
         return (PositionJumped(boot_ns, *jump),)
 
     def _on_local_position(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        place, velocity = (fields.x, fields.y, fields.z), (fields.vx, fields.vy, fields.vz)
-        if not (
-            all(abs(c) <= 10.0 * decoding.MOST_HEIGHT_M for c in place)
-            and all(abs(c) <= decoding.MOST_SPEED_M_S for c in velocity)
-        ):
+        moving = decoding.local_position((fields.x, fields.y, fields.z), (fields.vx, fields.vy, fields.vz))
+        if isinstance(moving, Implausible):
             return self.refuse("LOCAL_POSITION_NED")
-        boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
+        self._odometry.on_local_position(now)
+        return self._take_local(BootNs(self.stamp_ns + HALF_MS_NS), *moving, now)
+
+    def _on_odometry(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        read = self._odometry.read(fields, now)
+        if isinstance(read, OdometryPosition):
+            return self._take_local(read.boot_ns, read.place, read.velocity_ned, now, is_reset=read.is_reset)
+        return () if read is None else self.refuse(read.value)
+
+    def _take_local(
+        self, stamp_ns: BootNs, place: Vector3, velocity: Vector3, now: HostNs, *, is_reset: bool = False
+    ) -> tuple[TelemetryEvent, ...]:
+        """Store a place in the autopilot's local frame. ``is_reset``: the filter was reset since the one before."""
+        boot_ns = BootNs(stamp_ns - self._position_delay_ns)
         self._kept.local.insert(boot_ns, place, velocity)
         events: tuple[TelemetryEvent, ...] = ()
         if self._world.plane is None:
@@ -202,7 +213,7 @@ class Intake:
             return events
         in_world = add(place, self._world.local_zero_ned)
         self._kept.on_local_place(in_world)
-        return events + self._take_place(boot_ns, in_world, velocity)
+        return events + self._take_place(boot_ns, in_world, velocity, is_reset=is_reset)
 
     def _on_distance(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         sample = decoding.range_sample(fields, BootNs(self.stamp_ns + HALF_MS_NS))
@@ -217,7 +228,7 @@ class Intake:
         if unix_ns is None:
             return ()
         sample = (unix_ns, BootNs(self.stamp_ns + HALF_MS_NS))
-        if self.utc is not None and not any(_agree(sample, each) for each in (self.utc, self._jumped_utc) if each):
+        if self.utc is not None and not any(decoding.utc_agrees(sample, each) for each in (self.utc, self._jumped_utc) if each):
             self._jumped_utc = sample
             return self.refuse("SYSTEM_TIME")
         self.utc, self._jumped_utc = sample, None
@@ -336,8 +347,3 @@ class Intake:
             return ()
         self._kept.attitudes.shift(moved_ns)
         return (StampDelay(self._stamps.delay_s, self._stamps.in_step),)
-
-
-def _agree(one: tuple[int, BootNs], other: tuple[int, BootNs]) -> bool:
-    """Whether two samples of (UTC, boot clock) advanced alike."""
-    return abs((one[0] - other[0]) - (one[1] - other[1])) <= MOST_UTC_ERROR_NS

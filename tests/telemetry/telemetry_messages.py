@@ -35,6 +35,15 @@ DEFAULTS: dict[str, dict[str, Any]] = {
         "hdg": 0,
     },
     "LOCAL_POSITION_NED": dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0),
+    "ODOMETRY": {
+        "frame_id": 1,
+        "child_frame_id": 1,
+        "q": (1.0, 0.0, 0.0, 0.0),
+        "reset_counter": 0,
+        "estimator_type": 8,
+        "quality": 0,
+        **dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0),
+    },
     "DISTANCE_SENSOR": {
         "min_distance": 20,
         "max_distance": 4000,
@@ -94,6 +103,8 @@ class Autopilot:
         """The events of this message, which are also kept in :attr:`events`."""
         if name in STAMPED:
             fields.setdefault("time_boot_ms", int(boot_ms) % 2**32)
+        elif name == "ODOMETRY":
+            fields.setdefault("time_usec", round(boot_ms * 1000))
         events = self.telemetry.on_message(message(name, **fields), HostNs(self.host(boot_ms) + self.delay_ns))
         self.events += events
         return events

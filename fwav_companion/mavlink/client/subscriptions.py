@@ -10,12 +10,16 @@ MESSAGE_IDS = {
     for name in (
         "SYSTEM_TIME", "GPS_RAW_INT", "ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT",
         "GPS_GLOBAL_ORIGIN", "VFR_HUD", "DISTANCE_SENSOR", "TERRAIN_REPORT", "ALTITUDE", "EKF_STATUS_REPORT",
-        "ESTIMATOR_STATUS", "HOME_POSITION", "GIMBAL_DEVICE_ATTITUDE_STATUS",
+        "ESTIMATOR_STATUS", "HOME_POSITION", "GIMBAL_DEVICE_ATTITUDE_STATUS", "ODOMETRY",
     )
 }  # fmt: skip
 """Ids of the messages that may be requested, by name."""
-FILTER_REPORTS = {"EKF_STATUS_REPORT": AutopilotKind.ARDUPILOT, "ESTIMATOR_STATUS": AutopilotKind.PX4}
-"""The reports of the autopilots' filters, and the firmware that alone has each."""
+OF_ONE_FIRMWARE = {
+    "EKF_STATUS_REPORT": AutopilotKind.ARDUPILOT,
+    "ESTIMATOR_STATUS": AutopilotKind.PX4,
+    "ODOMETRY": AutopilotKind.PX4,
+}
+"""Reports of the autopilots' filters, and the firmware that alone sends each."""
 NOT_OF_ARDUPILOT = frozenset({"ALTITUDE", "LOCAL_POSITION_NED"})
 """Messages that ArduPilot is not asked for at its adoption: it never sends ALTITUDE, and reports a request for it as an
 error; LOCAL_POSITION_NED serves only PX4's landing profile, and a vehicle without a global position."""
@@ -38,7 +42,7 @@ def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, f
 
 def missing_messages(kind: AutopilotKind) -> frozenset[str]:
     """The messages that an autopilot of this kind does not have."""
-    return frozenset(name for name, owner in FILTER_REPORTS.items() if owner is not kind)
+    return frozenset(name for name, owner in OF_ONE_FIRMWARE.items() if owner is not kind)
 
 
 def unneeded_messages(kind: AutopilotKind) -> frozenset[str]:

@@ -88,7 +88,7 @@ class BootTimeline:
         if self.newest_ns is None:
             return self._begin(autopilot_ns, arrival_ns)
         expected_ns = self._expected(arrival_ns)
-        placed_ns = _nearest(autopilot_ns, expected_ns)
+        placed_ns = nearest_instant(autopilot_ns, expected_ns)
         continues = self.newest_ns - MOST_DISORDER_NS <= placed_ns <= expected_ns + MOST_CATCHING_UP_NS
         if continues and not self._booted_in_silence(placed_ns, arrival_ns):
             self._suspects.clear()
@@ -132,6 +132,6 @@ class BootTimeline:
         return Restarted(self._begin(latest_ns, arrival_ns))
 
 
-def _nearest(stamp_ns: int, expected_ns: int) -> int:
+def nearest_instant(stamp_ns: int, expected_ns: int) -> int:
     """The instant that differs from ``stamp_ns`` by whole wraps and lies nearest to ``expected_ns``."""
     return stamp_ns + (expected_ns - stamp_ns + WRAP_NS // 2) // WRAP_NS * WRAP_NS

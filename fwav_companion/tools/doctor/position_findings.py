@@ -79,9 +79,14 @@ def _height(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Findi
 
 def _why_not_local(status: RunStatus) -> str:
     """Return why the autopilot's local position is not used in place of a global one."""
-    if not status.telemetry.rates_hz.get("LOCAL_POSITION_NED"):
-        return "no LOCAL_POSITION_NED"
-    trouble = status.telemetry.local_trouble
+    telemetry = status.telemetry
+    if not telemetry.rates_hz.get("LOCAL_POSITION_NED"):
+        refused = sorted(name for name in telemetry.refused if name.startswith("ODOMETRY"))
+        if refused:
+            return f"no LOCAL_POSITION_NED, and the odometry is not used: {', '.join(refused)}"
+        if not telemetry.rates_hz.get("ODOMETRY"):
+            return "no LOCAL_POSITION_NED or ODOMETRY"
+    trouble = telemetry.local_trouble
     if trouble is None:
         return "no EKF_STATUS_REPORT or ESTIMATOR_STATUS that vouches for the local one"
     return f"the autopilot's filter does not vouch for the local one ({trouble})"

@@ -118,7 +118,7 @@ def test_local_position_in_use_is_noted_with_what_it_costs():
 @pytest.mark.parametrize(
     ("trouble", "hz", "said"),
     [
-        ("", 0.0, "no LOCAL_POSITION_NED"),
+        ("", 0.0, "no LOCAL_POSITION_NED or ODOMETRY"),
         (None, 10.0, "no EKF_STATUS_REPORT or ESTIMATOR_STATUS"),
         ("no horizontal velocity", 10.0, "(no horizontal velocity)"),
     ],
@@ -130,4 +130,22 @@ def test_relative_world_is_reported_with_the_reason_why_the_local_position_is_no
         in_the_world(evidence, position="none", relative_world=True, local_trouble=trouble, rates_hz=rates_hz)
     )
     assert (finding.code, finding.level) == ("no_position", Level.WARNING)
+    assert said in finding.problem
+
+
+@pytest.mark.parametrize(
+    ("refused", "said"),
+    [
+        ({"ODOMETRY (LOCAL_FRD)": 9}, "the odometry is not used: ODOMETRY (LOCAL_FRD)"),
+        ({}, "no EKF_STATUS_REPORT or ESTIMATOR_STATUS"),
+    ],
+)
+def test_odometry_that_is_refused_is_named_where_the_world_is_relative(refused, said):
+    evidence = heard(HEALTHY)
+    rates_hz = {**evidence.status.telemetry.rates_hz, "LOCAL_POSITION_NED": 0.0, "ODOMETRY": 30.0}
+    (finding,) = examine(
+        in_the_world(
+            evidence, position="none", relative_world=True, local_trouble=None, rates_hz=rates_hz, refused=refused
+        )
+    )
     assert said in finding.problem
