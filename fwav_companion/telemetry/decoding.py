@@ -120,9 +120,9 @@ def unix_ns(fields: Any) -> int | None:
     return int(fields.time_unix_usec) * 1000 if UTC_FROM_S <= seconds <= UTC_UNTIL_S else None
 
 
-def utc_agrees(one: tuple[int, BootNs], other: tuple[int, BootNs]) -> bool:
-    """Whether two samples of (UTC in Unix nanoseconds, boot clock) advanced alike."""
-    return abs((one[0] - other[0]) - (one[1] - other[1])) <= MOST_UTC_ERROR_NS
+def utc_agrees(one: tuple[int, BootNs], other: tuple[int, BootNs] | None) -> bool:
+    """Whether two samples of (UTC in Unix nanoseconds, boot clock) advanced alike; not without the other one."""
+    return other is not None and abs((one[0] - other[0]) - (one[1] - other[1])) <= MOST_UTC_ERROR_NS
 
 
 def finite_height_m(value: float) -> float | None:

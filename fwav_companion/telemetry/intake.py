@@ -228,7 +228,7 @@ class Intake:
         if unix_ns is None:
             return ()
         sample = (unix_ns, BootNs(self.stamp_ns + HALF_MS_NS))
-        if self.utc is not None and not any(decoding.utc_agrees(sample, each) for each in (self.utc, self._jumped_utc) if each):
+        if self.utc is not None and not any(decoding.utc_agrees(sample, each) for each in (self.utc, self._jumped_utc)):
             self._jumped_utc = sample
             return self.refuse("SYSTEM_TIME")
         self.utc, self._jumped_utc = sample, None

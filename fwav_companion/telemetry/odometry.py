@@ -19,6 +19,7 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.clock.boot_time import nearest_instant
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible, local_position
+from fwav_companion.telemetry.world import LOCAL_FRESH_NS
 from fwav_companion.types import Unpaired
 
 LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20
@@ -28,9 +29,7 @@ OWN_ESTIMATORS = frozenset({0, 8})
 FAILED = -1
 """Quality of an odometry that failed; 0: unknown, 1 to 100: percent."""
 LATEST_NS = NS_PER_S
-"""Largest distance of a stamp from its arrival: links delay by hundreds of milliseconds; a stamp of UTC lies anywhere."""
-SILENCE_NS = NS_PER_S
-"""Silence of LOCAL_POSITION_NED from which ODOMETRY is used: twice the slowest interval that is useful."""
+"""Largest distance of a stamp from its arrival: links delay by hundreds of milliseconds; UTC lies anywhere."""
 
 
 class OdometryRefusal(StrEnum):
@@ -72,7 +71,7 @@ class OdometryReader:
         """The position of an ODOMETRY that arrived now; None where LOCAL_POSITION_NED comes, and while the clock
         is not known.
         """
-        if self._local_ned_ns is not None and now - self._local_ned_ns <= SILENCE_NS:
+        if self._local_ned_ns is not None and now - self._local_ned_ns <= LOCAL_FRESH_NS:
             return None
         refusal = _refusal(fields)
         if refusal is not None:

@@ -59,7 +59,7 @@ class VehicleHistory:
         self.attitudes = AttitudeHistory(attitudes_kept_ns)
         self.positions = HermiteSeries()
         self.local = HermiteSeries()
-        """LOCAL_POSITION_NED of the autopilot, in the autopilot's own local frame."""
+        """LOCAL_POSITION_NED or ODOMETRY of the autopilot, in the autopilot's own local frame."""
         self.heights = {source: HermiteSeries() for source in HeightSource}
         self.ranges = RecentValues()
         self.terrain = RecentValues()
