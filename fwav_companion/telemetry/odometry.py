@@ -82,9 +82,8 @@ class OdometryReader:
         boot_ns = BootNs(nearest_instant(int(fields.time_usec) * 1000, arrival_ns))
         if abs(boot_ns - arrival_ns) > LATEST_NS:
             return OdometryRefusal.OTHER_CLOCK
-        velocity: Vector3 | None = (float(fields.vx), float(fields.vy), float(fields.vz))
-        if fields.child_frame_id == BODY_FRD:
-            velocity = _ned_from_body(fields.q, velocity)
+        sent = (float(fields.vx), float(fields.vy), float(fields.vz))
+        velocity = _velocity_ned(fields.q, sent) if fields.child_frame_id == BODY_FRD else sent
         moving = None if velocity is None else local_position((fields.x, fields.y, fields.z), velocity)
         if moving is None or isinstance(moving, Implausible):
             return OdometryRefusal.IMPLAUSIBLE
@@ -103,7 +102,7 @@ def _refusal(fields: Any) -> OdometryRefusal | None:
     return OdometryRefusal.FAILED if fields.quality == FAILED else None
 
 
-def _ned_from_body(q: Any, velocity_body: Vector3) -> Vector3 | None:
+def _velocity_ned(q: Any, velocity_body: Vector3) -> Vector3 | None:
     """A velocity in the frame of the message by its own quaternion (w, x, y, z); None where that is no rotation."""
     w, x, y, z = (float(each) for each in q)
     if not 0.95 <= hypot(w, x, y, z) <= 1.05:  # NaN compares false
