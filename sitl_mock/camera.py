@@ -83,7 +83,7 @@ class MockCamera:
         self._tags: dict[int, GroundTag] = {}
         if self._c.corner_noise_px is not None:
             self._tags = {tag.target: tag for tag in tags(options, scene)}
-        self._pad_tags = PadTags(options.camera, options.seed, self.lens, self._rolled)
+        self._pad_tags = PadTags(options.camera, options.seed, self.lens, self.rolled_pixel)
         self._frame = 0
         self.wake_at = self._ready_ns()
         """Instant at which the last row of the next frame has been read; None: the camera is off or has stopped."""
@@ -118,11 +118,11 @@ class MockCamera:
 
     def true_pixel(self, target: Target, row0_s: float) -> tuple[Pixel, float]:
         """(pixel, flight time of its row) of a target in the frame whose first row is exposed at row0_s."""
-        return self._rolled(target.at, row0_s)
+        return self.rolled_pixel(target.at, row0_s)
 
     def box(self, target: Target, row0_s: float) -> tuple[float, float, float, float]:
         """Left, top, right and bottom of a standing block in the image, cut off at the image's edges."""
-        pixels = [self._rolled(partial(target.corner_at, corner), row0_s)[0] for corner in CORNERS]
+        pixels = [self.rolled_pixel(partial(target.corner_at, corner), row0_s)[0] for corner in CORNERS]
         us, vs = [u for u, _ in pixels], [v for _, v in pixels]
         return (
             max(-0.5, min(us)),
@@ -133,14 +133,15 @@ class MockCamera:
 
     def pixel_of(self, place: Vector, row0_s: float) -> Pixel:
         """Pixel of a fixed place in NED in the frame whose first row is exposed at row0_s."""
-        return self._rolled(lambda _: place, row0_s)[0]
+        return self.rolled_pixel(lambda _: place, row0_s)[0]
 
     def below(self, row0_s: float) -> tuple[float, float]:
         """North and east of the vehicle when the first row of a frame is exposed."""
         north, east, _ = self._flight.at(row0_s).position
         return north, east
 
-    def _rolled(self, place_at: Callable[[float], Vector], row0_s: float) -> tuple[Pixel, float]:
+    def rolled_pixel(self, place_at: Callable[[float], Vector], row0_s: float) -> tuple[Pixel, float]:
+        """(pixel, flight time of its row) of a moving place in the frame whose first row is exposed at row0_s."""
         readout, height = self._biases.readout_s, self.lens.height
         pixel, t = (0.0, height / 2.0), row0_s
         for _ in range(20):

@@ -2,7 +2,8 @@
 
 A frame in the pipe is one line of JSON (``bytes``, ``size``, ``format``, the stamp, ``frame``, ``exposure_s``), then
 ``bytes`` bytes of grey levels, row by row. Frames are rendered in advance and written when a camera would deliver them;
-a frame that is not rendered in time, or that no reader takes in time, is dropped, as by a busy camera.
+a frame that is not rendered in time, or that no reader takes in time, is dropped, as by a busy camera. This process
+hears no messages: a copter that follows LANDING_TARGET (``land`` and its like) lands here as without it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import cos, hypot, inf, radians, sin
+from math import hypot, inf
 from random import Random
 from typing import Any
 
@@ -12,16 +12,10 @@ from sitl_mock.lens import Lens, Pixel
 from sitl_mock.options import CameraOptions
 from sitl_mock.rotation import Vector
 from sitl_mock.scene import Target
-from sitl_mock.tags import LEAST_MODULE_PX, MODULES
-from sitl_mock.target_options import PadTagOptions
+from sitl_mock.tags import BOARD, LEAST_MODULE_PX, MODULES, PRINT_CORNERS, PadTag
 
 Rolled = Callable[[Callable[[float], Vector], float], tuple[Pixel, float]]
 """(pixel, flight time of its row) of a moving place in the frame whose first row is exposed at a flight time."""
-
-QUIET_ZONE = (MODULES + 2) / MODULES
-"""Side of the white board over that of the black square: a tag is read only where its whole board is in the image."""
-UPPER_LEFT_FIRST = ((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0))
-"""Corners in half sides up and right of a tag's own print, clockwise."""
 
 
 class PadTags:
@@ -35,23 +29,22 @@ class PadTags:
         """The tags of a pad that a detector reads in a frame, in the wire format."""
         sigma = self._c.corner_noise_px or 0.0
         found = []
-        for tag in pad.tags:
+        for tag in (PadTag(pad, each) for each in pad.tags):
             missed = self._rng.random() < self._c.missed
-            corners = [self._pixel(pad, tag, corner, 1.0, row0_s) for corner in UPPER_LEFT_FIRST]
+            corners = self._pixels(tag, 1.0, row0_s)
             noisy = [(u + self._rng.gauss(0.0, sigma), v + self._rng.gauss(0.0, sigma)) for u, v in corners]
-            if missed or not self._is_read(pad, tag, corners, row0_s):
+            if missed or not self._is_read(tag, corners, row0_s):
                 continue
             u, v = _crossing(noisy)
-            detection: dict[str, Any] = {"u": round(u, 4), "v": round(v, 4), "label": tag.label, "score": 0.9}
+            detection: dict[str, Any] = {"u": round(u, 4), "v": round(v, 4), "label": tag.printed.label, "score": 0.9}
             if sigma:
                 detection["sigma"] = round(sigma / 2.0, 4)
             detection["corners"] = [[round(u, 4), round(v, 4)] for u, v in noisy]
             found.append(detection)
         return found
 
-    def _is_read(self, pad: Target, tag: PadTagOptions, corners: list[Pixel], row0_s: float) -> bool:
-        board = [self._pixel(pad, tag, corner, QUIET_ZONE, row0_s) for corner in UPPER_LEFT_FIRST]
-        if not all(self._lens.sees(*pixel) for pixel in board):
+    def _is_read(self, tag: PadTag, corners: list[Pixel], row0_s: float) -> bool:
+        if not all(self._lens.sees(*pixel) for pixel in self._pixels(tag, BOARD, row0_s)):
             return False
         shortest = min(
             (hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)),
@@ -59,14 +52,9 @@ class PadTags:
         )
         return shortest >= LEAST_MODULE_PX * MODULES
 
-    def _pixel(
-        self, pad: Target, tag: PadTagOptions, corner: tuple[float, float], scale: float, row0_s: float
-    ) -> Pixel:
-        half, turn = 0.5 * scale * tag.size_m, radians(tag.yaw_deg)
-        up, right = half * corner[0], half * corner[1]
-        forward_m = tag.forward_m + up * cos(turn) - right * sin(turn)
-        right_m = tag.right_m + up * sin(turn) + right * cos(turn)
-        return self._rolled(partial(pad.on_pad, forward_m, right_m), row0_s)[0]
+    def _pixels(self, tag: PadTag, scale: float, row0_s: float) -> list[Pixel]:
+        """Pixels of a square's corners about a tag's centre; ``scale``: its side over that of the black square."""
+        return [self._rolled(partial(tag.at, scale * right, scale * down), row0_s)[0] for right, down in PRINT_CORNERS]
 
 
 def _crossing(corners: list[Pixel]) -> Pixel:

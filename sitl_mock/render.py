@@ -6,8 +6,8 @@ to ground is smooth enough that a spacing of 8 pixels costs some hundredths of a
 
 from __future__ import annotations
 
-from math import ceil
-from typing import TYPE_CHECKING
+from math import ceil, cos, sin
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from sitl_mock.ground_picture import HAZE, Ground, Picture
 from sitl_mock.options import CameraOptions
+from sitl_mock.picture_grid import nodes, to_pixels
+from sitl_mock.printed_tags import draw_tag
+from sitl_mock.scene import Target
 from sitl_mock.tag_view import TagView, tag_view
-from sitl_mock.tags import tags
+from sitl_mock.tags import pad_tags, tags
 
 if TYPE_CHECKING:
     from sitl_mock.simulate import Simulation
 
-STEP = 8
-"""Spacing of the grid's nodes, pixels."""
-PAD = 1
-"""Nodes beyond the image on each side: the image's edge is interpolated, not extrapolated."""
 SAMPLE_PX = 1.5
 """Largest spacing of the pictures whose mean is the motion blur, pixels."""
 MOST_SAMPLES = 9
@@ -46,6 +45,8 @@ class Eye:
         self._camera, self._c = simulation.camera, simulation.options.camera
         self._tags = tags(simulation.options, simulation.scene)
         self._ground = Ground(simulation.options.flight.centre, self._tags, simulation.options.seed)
+        # Large tags first: a small one may lie in a blank of a large one.
+        self._pad_tags = sorted(pad_tags(simulation.scene), key=lambda tag: -tag.printed.size_m)
         rays = camera_rays(self._c)
         self._rays = np.einsum("ij,rcj->rci", np.array(self._camera.body_from_camera), rays)
         self._shade = _vignette(self._c.image_size)
@@ -68,10 +69,9 @@ class Eye:
         return picture
 
     def views(self, frame: int) -> list[TagView]:
-        """Truth about every tag in this frame."""
+        """Truth about every tag in this frame, those of pads, too."""
         row0_s = self._camera.row0_s(frame)
-        scene, exposure_s = self._simulation.scene, self._c.exposure_s
-        return [tag_view(self._camera, scene, tag, row0_s, exposure_s) for tag in self._tags]
+        return [tag_view(self._camera, tag, row0_s, self._c.exposure_s) for tag in (*self._tags, *self._pad_tags)]
 
     def _samples(self, row0_s: float) -> int:
         """Number of pictures for the motion blur, enough for the fastest row of the frame."""
@@ -86,36 +86,30 @@ class Eye:
 
     def _instant(self, row0_s: float) -> Picture:
         """Sharp picture of an infinitely short exposure, row by row."""
-        north, east = self._footprint(row0_s)
-        x, y = self._ground.texel(north, east)
+        sights, size = self._sight_lines(row0_s), self._c.image_size
+        x, y = (to_pixels(grid, (0, 0), size)[0] for grid in self._ground.texel(*sights.meet(np.zeros(1))))
         beyond = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": HAZE}
-        sharp: Picture = cv2.remap(self._ground.picture, self._filled(x), self._filled(y), cv2.INTER_LINEAR, **beyond)
+        sharp: Picture = cv2.remap(self._ground.picture, x, y, cv2.INTER_LINEAR, **beyond)
+        for tag in self._pad_tags:
+            axes = sights.in_pad_axes(tag.pad)
+            if axes is not None:
+                draw_tag(sharp, tag, *axes)
         return sharp
 
-    def _footprint(self, row0_s: float) -> tuple[Array, Array]:
-        """North and east of the points where the grid's rays meet the ground, each row at its own instant."""
+    def _sight_lines(self, row0_s: float) -> SightLines:
+        """Lines of sight of the grid's nodes, each row at its own instant."""
         readout_s, height = self._simulation.biases.readout_s, self._c.image_size[1]
-        rows = _nodes(height)
-        turned, places = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
+        rows = nodes(height)
+        instants, turned, places = [], np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
         for row, v in enumerate(rows):
             share = float(v) / height
             t = row0_s + (readout_s * share if readout_s >= 0.0 else -readout_s * (1.0 - share))
             state = self._simulation.flight.at(t)
+            instants.append(t)
             turned[row] = state.ned_from_body
             places[row] = state.position
         places += turned @ np.add(self._c.position_m, self._simulation.biases.lever_arm_m)
-        ned = np.einsum("rij,rcj->rci", turned, self._rays)
-        down = ned[..., 2]
-        reach = -places[:, None, 2] / np.maximum(down, STRAIGHT_DOWN_ENOUGH)
-        return places[:, None, 0] + reach * ned[..., 0], places[:, None, 1] + reach * ned[..., 1]
-
-    def _filled(self, grid: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Interpolates the grid's nodes to every pixel."""
-        rows, columns = grid.shape
-        width, height = self._c.image_size
-        full = cv2.resize(grid, (columns * STEP, rows * STEP), interpolation=cv2.INTER_LINEAR)
-        edge = PAD * STEP
-        return np.ascontiguousarray(full[edge : edge + height, edge : edge + width])
+        return SightLines(instants, places, np.einsum("rij,rcj->rci", turned, self._rays))
 
     def _noise_of(self, frame: int) -> NDArray[np.float32]:
         """Noise of a frame: for each frame a different part of the same noise image."""
@@ -124,10 +118,38 @@ class Eye:
         return self._noise[top : top + height, left : left + width]
 
 
+class SightLines(NamedTuple):
+    """Lines of sight of the grid's nodes, row by row."""
+
+    instants: list[float]
+    """Flight time of each row, seconds."""
+    cameras: Array
+    """(rows, 3) camera at each row's instant, NED, metres."""
+    rays: Array
+    """(rows, columns, 3) unit rays, NED."""
+
+    def meet(self, down: Array) -> tuple[Array, Array]:
+        """(rows, columns) north and east where the rays meet a level plane. ``down``: (rows,) or (1,), metres."""
+        reach = (down - self.cameras[:, 2])[:, None] / np.maximum(self.rays[..., 2], STRAIGHT_DOWN_ENOUGH)
+        north, east = (self.cameras[:, None, axis] + reach * self.rays[..., axis] for axis in (0, 1))
+        return north, east
+
+    def in_pad_axes(self, pad: Target) -> tuple[Array, Array] | None:
+        """(rows, columns) forward and right of a pad's landing point, metres; None for a camera below the pad."""
+        at = np.array([pad.at(t) for t in self.instants])
+        if (self.cameras[:, 2] >= at[:, 2]).any():
+            return None
+        headings = [pad.heading_at(t) for t in self.instants]
+        c, s = np.array([[cos(each), sin(each)] for each in headings]).T[..., None]  # (rows, 1) each
+        north, east = self.meet(at[:, 2])
+        north, east = north - at[:, None, 0], east - at[:, None, 1]
+        return north * c + east * s, east * c - north * s
+
+
 def camera_rays(camera: CameraOptions) -> Array:
     """Unit rays of the grid's nodes in the camera frame, (rows, columns, 3)."""
     width, height = camera.image_size
-    u, v = np.meshgrid(_nodes(width), _nodes(height))
+    u, v = np.meshgrid(nodes(width), nodes(height))
     x = (u - camera.principal_point[0]) / camera.pixels_per_mm[0]
     y = (v - camera.principal_point[1]) / camera.pixels_per_mm[1]
     r = np.hypot(x, y)
@@ -146,11 +168,6 @@ def _angle(r: Array, camera: CameraOptions) -> Array:
         slope = k1 + t2 * (3 * k2 + t2 * (5 * k3 + t2 * (7 * k4 + t2 * 9 * k5)))
         theta = theta - (value - r) / slope
     return theta
-
-
-def _nodes(pixels: int) -> Array:
-    """Positions of the nodes along an axis of the image, at the centres of blocks."""
-    return (np.arange(ceil(pixels / STEP) + 2 * PAD, dtype=np.float64) - PAD) * STEP + (STEP - 1) / 2.0
 
 
 def _vignette(size: tuple[int, int]) -> NDArray[np.float32]:

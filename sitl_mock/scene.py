@@ -44,10 +44,14 @@ class Target:
         (north, east, down), (x, y, z) = self.at(flight_s), corner
         return (north + x * self._width_m, east + y * self._width_m, down - z * self.height_m)
 
+    def heading_at(self, flight_s: float) -> float:
+        """Direction of a pad's forward axis, radians."""
+        return self._heading + self._turn * flight_s
+
     def on_pad(self, forward_m: float, right_m: float, flight_s: float) -> Vector:
         """A point of a pad about its landing point, NED, metres."""
         north, east, down = self.at(flight_s)
-        heading = self._heading + self._turn * flight_s
+        heading = self.heading_at(flight_s)
         c, s = cos(heading), sin(heading)
         return (north + forward_m * c - right_m * s, east + forward_m * s + right_m * c, down)
 

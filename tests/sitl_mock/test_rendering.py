@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fwav_companion.vision.detectors.markers import apriltags
 from sitl_mock import scenario
 from sitl_mock.render import Eye, camera_rays
 from sitl_mock.simulate import Simulation
 from sitl_mock.tags import tags
+from sitl_mock.target_options import PadTagOptions, TargetOptions
 
 SHARP = {"camera.exposure_s": 0.0, "seed": 4}
 
@@ -131,6 +133,113 @@ def test_a_frame_is_the_same_picture_whenever_it_is_rendered(eye):
     eye.picture(2)
     assert (eye.picture(33) == before).all()
     assert (Eye(flown(seed=5)).picture(33) != before).mean() > 0.9
+
+
+PAD_LABELS = ("tag36h11:0", "tag36h11:1", "tag36h11:2")
+DECK = TargetOptions(
+    label="pad", north=0.05, up=0.5, heave_m=0.2, speed_m_s=0.1, course_deg=70.0, heading_deg=200.0, turn_deg_s=5.0,
+    tags=(
+        PadTagOptions(label="tag36h11:1", size_m=0.04, forward_m=-0.15, right_m=0.05, yaw_deg=180.0),
+        PadTagOptions(label="tag36h11:0", size_m=0.8),
+    ),
+)  # fmt: skip
+"""A deck that heaves, moves and turns; the small tag is in a white module of the large one, and upside down."""
+
+
+def places_on_pad(pad: TargetOptions, tag: PadTagOptions, centre, flight_s: float) -> np.ndarray:
+    """(4, 3) corners of a tag in NED by complex numbers, forward + i right; from the upper left one, clockwise."""
+    print_corners = 0.5 * tag.size_m * np.array([1 - 1j, 1 + 1j, -1 + 1j, -1 - 1j])
+    on_pad = complex(tag.forward_m, tag.right_m) + print_corners * np.exp(1j * np.radians(tag.yaw_deg))
+    heading = np.radians(pad.heading_deg + pad.turn_deg_s * flight_s)
+    moved = pad.speed_m_s * flight_s * np.exp(1j * np.radians(pad.course_deg))
+    ground = complex(*centre) + complex(pad.north, pad.east) + moved + on_pad * np.exp(1j * heading)
+    down = -pad.up - pad.heave_m * np.sin(2.0 * np.pi * flight_s / 5.0)
+    return np.column_stack([ground.real, ground.imag, np.full(4, down)])
+
+
+def frame_at(simulation: Simulation, flight_s: float) -> int:
+    return round((flight_s - simulation.camera.row0_s(0)) * simulation.options.camera.fps)
+
+
+def height_m(simulation: Simulation, frame: int) -> float:
+    return -simulation.flight.at(simulation.camera.row0_s(frame)).position[2]
+
+
+def test_corners_of_a_moving_pad_are_where_opencv_and_scipy_put_them():
+    simulation = flown("pad", targets=(DECK,), **{"biases.readout_s": 0.0})
+    eye = Eye(simulation)
+    for frame in (3, 200, 500):
+        t = simulation.camera.row0_s(frame)
+        for tag in DECK.tags:
+            view = next(each for each in eye.views(frame) if each.tag_id == int(tag.label[-1]))
+            places = places_on_pad(DECK, tag, simulation.options.flight.centre, t)
+            expected = [opencv_pixel(simulation, place, t) for place in places]
+            assert np.array(view.corners) == pytest.approx(np.array(expected), abs=1e-6)
+
+
+def shift_px(picture, view) -> np.ndarray:
+    """(u, v) by which a drawn tag is off, pixels: least squares of its grey levels against the print that a homography
+    lays on the true corners, by its gradients."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    flat = cv2.aruco.generateImageMarker(dictionary, view.tag_id, 320)
+    flat_corners = np.float32([[-0.5, -0.5], [319.5, -0.5], [319.5, 319.5], [-0.5, 319.5]])
+    corners = np.array(view.corners)
+    start = np.floor(corners.min(axis=0)).astype(int) - 2
+    width, height = np.ceil(corners.max(axis=0)).astype(int) + 3 - start
+    fine_corners = np.float32((corners - start + 0.5) * 8 - 0.5)
+    fine = cv2.warpPerspective(
+        flat,
+        cv2.getPerspectiveTransform(flat_corners, fine_corners),
+        (int(width) * 8, int(height) * 8),
+        borderValue=255,
+    ).astype(np.float32)
+    expected = cv2.GaussianBlur(cv2.resize(fine, (int(width), int(height)), interpolation=cv2.INTER_AREA), (3, 3), 0.6)
+    down, right = np.gradient(expected)
+    there = picture[start[1] : start[1] + height, start[0] : start[0] + width].astype(float)
+    inner = (slice(1, -1), slice(1, -1))
+    design = np.stack([each[inner].ravel() for each in (np.ones_like(expected), expected, right, down)], axis=1)
+    (_, contrast, du, dv), *_ = np.linalg.lstsq(design, there[inner].ravel(), rcond=None)
+    return -np.array([du, dv]) / contrast
+
+
+def test_own_detector_reads_a_pads_tags_from_three_metres_to_the_ground():
+    simulation = flown("pad", seconds=37.0, seed=1)
+    eye, detector, off, seen, due = Eye(simulation), apriltags(apart=PAD_LABELS), [], [], []
+    frames = [frame_at(simulation, flight_s) for flight_s in np.arange(21.5, 35.0, 0.9)]
+    heights = [height_m(simulation, frame) for frame in frames]
+    assert max(heights) > 2.8
+    assert min(heights) < 0.31
+    for frame in frames:
+        views = {view.tag_id: view for view in eye.views(frame)}
+        detections = detector.detect(eye.picture(frame))
+        seen.append({each["label"] for each in detections})
+        due.append({label for label in PAD_LABELS if views[int(label[-1])].usable})
+        assert seen[-1] & due[-1], height_m(simulation, frame)
+        pairs = [(each, views[each["id"]]) for each in detections if views[each["id"]].usable]
+        off += [np.array(each["corners"]) - np.array(view.corners) for each, view in pairs]
+    assert sum(len(tags_due & read) for tags_due, read in zip(due, seen, strict=True)) >= 0.9 * sum(map(len, due))
+    assert seen[0] >= {"tag36h11:0", "tag36h11:1"}
+    assert seen[-1] == {"tag36h11:2"}
+    assert np.linalg.norm(off, axis=2).mean() < 1.0 / 3.0  # each corner
+    assert np.linalg.norm(np.mean(off, axis=1), axis=1).max() < 1.0 / 3.0  # the tag as a whole
+
+
+@pytest.mark.parametrize(("above_m", "tag_id"), [(4.0, 0), (1.5, 1)], ids=["large tag", "small tag in its blank"])
+def test_pad_on_a_deck_is_drawn_where_it_is_through_the_rolling_shutter(above_m, tag_id):
+    way = tuple((at_s, 0.0, 0.0, above_m, 30.0) for at_s in (0.0, 40.0))
+    simulation = flown("pad", targets=(DECK,), **{"flight.waypoints": way, "biases.readout_s": 0.02})
+    eye = Eye(simulation)
+    for frame in range(2, 40, 9):
+        picture, view = eye.picture(frame), next(view for view in eye.views(frame) if view.tag_id == tag_id)
+        assert view.usable
+        assert np.abs(shift_px(picture, view)).max() < 0.25
+        assert tag_id in found(picture)
+
+
+def test_pad_with_a_tag_of_another_family_is_refused():
+    pad = TargetOptions(label="pad", tags=(PadTagOptions(label="aruco:3", size_m=0.2),))
+    with pytest.raises(ValueError, match="aruco:3: only tags tag36h11:ID of a pad can be drawn"):
+        Eye(flown("pad", targets=(pad,)))
 
 
 def watched_process(folder: Path, lead_s: float) -> tuple[list[dict], list[dict]]:
