@@ -27,7 +27,7 @@ def draw_tag(picture: Picture, tag: PadTag, forward: Array, right: Array) -> Non
     ``forward``, ``right``: where the grid's nodes lie in the pad's axes, (rows, columns), metres.
     """
     x, y = _modules(tag, forward, right)
-    (x_down, x_across), (y_down, y_across) = np.gradient(x), np.gradient(y)
+    x_down, x_across, y_down, y_across = (np.gradient(grid, axis=axis) for grid in (x, y) for axis in (0, 1))
     half = WITH_MARGIN / 2.0
     # Nodes on the board and those around it, one step farther: between them are its edges.
     near = (np.abs(x) <= half + np.abs(x_down) + np.abs(x_across)) & (
@@ -36,7 +36,7 @@ def draw_tag(picture: Picture, tag: PadTag, forward: Array, right: Array) -> Non
     if not near.any():
         return
     (top, bottom), (left, right_end) = (_range(near.any(axis=axis)) for axis in (1, 0))
-    middle = np.unravel_index(np.argmin(x * x + y * y), x.shape)
+    middle = divmod(int(np.argmin(x * x + y * y)), x.shape[1])
     area = abs(x_down[middle] * y_across[middle] - x_across[middle] * y_down[middle])
     board = _board(tag.tag_id, _texels(STEP / sqrt(max(area, 1e-12))))
     scale = len(board) / WITH_MARGIN
@@ -80,6 +80,11 @@ def _board(tag_id: int, texels: int) -> Picture:
     """Picture of a tag's board with this number of texels along its side."""
     board = board_picture(tag_id)
     if texels >= WITH_MARGIN:
-        return cv2.resize(board, (texels, texels), interpolation=cv2.INTER_NEAREST)
-    fine = cv2.resize(board, (FINE * WITH_MARGIN, FINE * WITH_MARGIN), interpolation=cv2.INTER_NEAREST)
-    return cv2.resize(fine, (texels, texels), interpolation=cv2.INTER_AREA)
+        return _resized(board, texels, cv2.INTER_NEAREST)
+    fine = _resized(board, FINE * WITH_MARGIN, cv2.INTER_NEAREST)
+    return _resized(fine, texels, cv2.INTER_AREA)
+
+
+def _resized(board: Picture, texels: int, interpolation: int) -> Picture:
+    resized: Picture = cv2.resize(board, (texels, texels), interpolation=interpolation)
+    return resized

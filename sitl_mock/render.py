@@ -19,7 +19,7 @@ from sitl_mock.picture_grid import nodes, to_pixels
 from sitl_mock.printed_tags import draw_tag
 from sitl_mock.scene import Target
 from sitl_mock.tag_view import TagView, tag_view
-from sitl_mock.tags import pad_tags, tags
+from sitl_mock.tags import AnyTag, pad_tags, tags
 
 if TYPE_CHECKING:
     from sitl_mock.simulate import Simulation
@@ -71,7 +71,8 @@ class Eye:
     def views(self, frame: int) -> list[TagView]:
         """Truth about every tag in this frame, those of pads, too."""
         row0_s = self._camera.row0_s(frame)
-        return [tag_view(self._camera, tag, row0_s, self._c.exposure_s) for tag in (*self._tags, *self._pad_tags)]
+        every: list[AnyTag] = [*self._tags, *self._pad_tags]
+        return [tag_view(self._camera, tag, row0_s, self._c.exposure_s) for tag in every]
 
     def _samples(self, row0_s: float) -> int:
         """Number of pictures for the motion blur, enough for the fastest row of the frame."""
