@@ -35,7 +35,7 @@ def draw_tag(picture: Picture, tag: PadTag, forward: Array, right: Array) -> Non
     )
     if not near.any():
         return
-    (top, bottom), (left, right_end) = (_range(near.any(axis=axis)) for axis in (1, 0))
+    (top, bottom), (left, right_end) = (_range(np.any(near, axis=axis)) for axis in (1, 0))
     middle = divmod(int(np.argmin(x * x + y * y)), x.shape[1])
     area = abs(x_down[middle] * y_across[middle] - x_across[middle] * y_down[middle])
     board = _board(tag.tag_id, _texels(STEP / sqrt(max(area, 1e-12))))
@@ -60,7 +60,7 @@ def _modules(tag: PadTag, forward: Array, right: Array) -> tuple[Array, Array]:
     return aside * c - ahead * s, -ahead * c - aside * s
 
 
-def _range(flags: NDArray[np.bool_]) -> tuple[int, int]:
+def _range(flags: NDArray[np.bool_] | np.bool_) -> tuple[int, int]:
     """First index that is set and the one after the last."""
     found = np.flatnonzero(flags)
     return int(found[0]), int(found[-1]) + 1
