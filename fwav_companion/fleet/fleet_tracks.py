@@ -16,6 +16,9 @@ from fwav_companion.fleet.options import FleetTable
 from fwav_companion.fleet.payloads import (
     BIAS_NAMES,
     MAX_TRACKS,
+    MAX_TRACKS_A_PART,
+    LocalPlace,
+    LocalTrack,
     SharedTrack,
     StateMessage,
     TracksMessage,
@@ -69,17 +72,24 @@ class FleetTracks:
         obstacle: str | None,
         common: Mapping[int, CommonErrors] | None = None,
     ) -> tuple[TracksMessage, StateMessage] | None:
-        """Tracks and state; None without UTC, a global position or a known vehicle.
+        """Tracks and state; None without UTC, a known vehicle, or a position, global or in a local world.
 
         ``obstacle``: why the vehicle is not ready; None if it is ready. ``common``: by the smoother, by track.
         """
         autopilot, plane = situation.autopilot, situation.plane
-        if autopilot is None or situation.utc_minus_host_s is None or plane is None:
+        if autopilot is None or situation.utc_minus_host_s is None or (plane is None and not _is_local(situation)):
             return None
         utc_s = situation.now_ns / 1e9 + situation.utc_minus_host_s
         name = self._options.vehicle or str(autopilot.system)
         believed = list(tracks)[:MAX_TRACKS]
         self._seq += 1
+        if plane is None:
+            local = tuple(_local_track(track, situation.now_ns) for track in believed[:MAX_TRACKS_A_PART])
+            bias = VehicleBias(names=(), time_constant_s=self._priors.position_bias_time_s)
+            message = TracksMessage(
+                vehicle=name, time_unix=utc_s, seq=self._seq, session=self._session, bias=bias, local_tracks=local
+            )
+            return message, self._state(name, utc_s, situation, obstacle)
         if common:
             sigmas, shared = self._by_smoother(believed, common, plane=plane, now_ns=situation.now_ns)
         else:
@@ -161,7 +171,7 @@ class FleetTracks:
             ),
             vel=track.velocity_ned,
             vel_cov=None if track.velocity_cov is None else triangle(track.velocity_cov),
-            last_seen_s=round(s_from_ns(HostNs(now_ns - track.last_seen_host_ns)), 2),
+            last_seen_s=_seen_s(track, now_ns),
         )
 
     def _state(self, name: str, utc_s: float, situation: Situation, obstacle: str | None) -> StateMessage:
@@ -176,17 +186,22 @@ class FleetTracks:
             autopilot_age_s=_age(situation.autopilot_age_s),
             frame_age_s=_age(situation.frame_age_s),
         )
-        if vehicle is None or vehicle.position_ned is None or plane is None:
+        if vehicle is None or vehicle.position_ned is None:
             return state
+        state = msgspec.structs.replace(
+            state,
+            heading_deg=round(degrees(euler_from_quaternion(vehicle.ned_from_body)[2]) % 360.0, 1),
+            position_age_s=_age(s_from_ns(HostNs(situation.now_ns - situation.host_ns_of(vehicle)))),
+        )
+        if plane is None:
+            north, east, down = (round(each, 3) for each in vehicle.position_ned)
+            return msgspec.structs.replace(state, local=LocalPlace(north=north, east=east, down=down))
         place = plane.geodetic_from_ned(vehicle.position_ned)
-        heading = degrees(euler_from_quaternion(vehicle.ned_from_body)[2]) % 360.0
         return msgspec.structs.replace(
             state,
             lat=place.lat_deg,
             lon=place.lon_deg,
             alt_amsl=round(place.alt_amsl_m, 2),
-            heading_deg=round(heading, 1),
-            position_age_s=_age(s_from_ns(HostNs(situation.now_ns - situation.host_ns_of(vehicle)))),
         )
 
     def _learn(self, tracks: Iterable[Track]) -> None:
@@ -224,6 +239,30 @@ class FleetTracks:
         level = min(columns.level_m**2, LARGEST_SHARE * track.cov[2][2])
         gnss = ((common, 0.0, 0.0), (0.0, common, 0.0), (0.0, 0.0, level))
         return add_matrices(gnss, outer(terrain, terrain))
+
+
+def _is_local(situation: Situation) -> bool:
+    """Whether the vehicle has a place in a local world that has none on the earth; a relative world gives it none."""
+    return situation.plane is None and situation.vehicle is not None and situation.vehicle.position_ned is not None
+
+
+def _local_track(track: Track, now_ns: HostNs) -> LocalTrack:
+    north, east, down = (round(each, 3) for each in track.position_ned)
+    return LocalTrack(
+        track=track.id,
+        label=track.label[:64],
+        state=track.state.value,
+        north=north,
+        east=east,
+        down=down,
+        cov=triangle(track.cov),
+        last_seen_s=_seen_s(track, now_ns),
+    )
+
+
+def _seen_s(track: Track, now_ns: HostNs) -> float:
+    """Time since the last fix, seconds."""
+    return round(s_from_ns(HostNs(now_ns - track.last_seen_host_ns)), 2)
 
 
 def _room(cov: Matrix3, taken: float, column: Vector3, sigma: float) -> float:

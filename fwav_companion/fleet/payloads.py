@@ -43,6 +43,8 @@ Altitude = Annotated[float, Meta(ge=-1e4, le=1e5)]
 Speed = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Latitude = Annotated[float, Meta(ge=-90, le=90)]
 Longitude = Annotated[float, Meta(ge=-180, le=180)]
+Offset = Annotated[float, Meta(ge=-1e6, le=1e6)]
+"""Metres from the zero of a local world."""
 
 
 class VehicleBias(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,6 +78,30 @@ class SharedTrack(msgspec.Struct, frozen=True, kw_only=True):
     """Seconds since its last fix."""
 
 
+class LocalTrack(msgspec.Struct, frozen=True, kw_only=True):
+    """One track in its vehicle's local world: it has no place on the earth, and takes no part in the fusion."""
+
+    track: Number
+    label: Word = ""
+    state: Word = ""
+    north: Offset
+    """From the world's zero, metres; the other axes alike."""
+    east: Offset
+    down: Offset
+    cov: Triangle
+    """Covariance including every error source, m^2."""
+    last_seen_s: Annotated[float, Meta(ge=-1e9, le=1e9)] = 0.0
+    """Seconds since its last fix."""
+
+
+class LocalPlace(msgspec.Struct, frozen=True, kw_only=True):
+    """Place of a vehicle in its own local world, metres from that world's zero."""
+
+    north: Offset
+    east: Offset
+    down: Offset
+
+
 class TracksMessage(msgspec.Struct, frozen=True, kw_only=True):
     """Tracks of one vehicle, or a part of them."""
 
@@ -90,6 +116,9 @@ class TracksMessage(msgspec.Struct, frozen=True, kw_only=True):
     """Random name of the sender's run, which distinguishes two senders with one vehicle's name."""
     bias: VehicleBias = VehicleBias()
     tracks: Annotated[tuple[SharedTrack, ...], Meta(max_length=MAX_TRACKS)] = ()
+    local_tracks: Annotated[tuple[LocalTrack, ...], Meta(max_length=MAX_TRACKS_A_PART)] = ()
+    """Tracks in the vehicle's local world, while that has no place on the earth: ``tracks`` is empty then, as readers
+    that do not know this field need the latitude of every track. All are in one part."""
 
 
 class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
@@ -102,6 +131,8 @@ class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
     lat: Latitude | None = None
     lon: Longitude | None = None
     alt_amsl: Altitude | None = None
+    local: LocalPlace | None = None
+    """Place in the vehicle's local world, while that has no place on the earth: ``lat`` and ``lon`` are null then."""
     heading_deg: Annotated[float, Meta(ge=-360, le=360)] | None = None
     armed: bool = False
     ready: bool = False
@@ -189,6 +220,7 @@ def decoded(data: bytes, kind: type[AnyMessage]) -> AnyMessage | str:
         return "another schema"
     if isinstance(message, TracksMessage):
         fine = message.part <= message.parts and all(_is_sound(track, message.bias) for track in message.tracks)
+        fine = fine and all(_is_covariance(track.cov) for track in message.local_tracks)
         return message if fine else "malformed"
     return message
 

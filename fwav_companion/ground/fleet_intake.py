@@ -14,6 +14,7 @@ from fwav_companion.fleet.options import FLEET_NAME
 from fwav_companion.fleet.payloads import (
     MAX_NAME,
     MAX_TRACKS,
+    LocalTrack,
     SharedTrack,
     StateMessage,
     TracksMessage,
@@ -48,6 +49,8 @@ class WholeReport:
     """Instant of the tracks on this process's clock, Unix seconds."""
     bias: VehicleBias
     tracks: tuple[SharedTrack, ...]
+    local_tracks: tuple[LocalTrack, ...] = ()
+    """Those in the vehicle's local world."""
 
 
 @dataclass(slots=True)
@@ -118,7 +121,7 @@ class FleetIntake:
         sender.seq, sender.seq_unix = message.seq, now
         tracks = tuple(track for part in sorted(sender.parts) for track in sender.parts[part])
         sender.parts = {}
-        return WholeReport(vehicle, now - delay_s, message.bias, tracks[:MAX_TRACKS])
+        return WholeReport(vehicle, now - delay_s, message.bias, tracks[:MAX_TRACKS], message.local_tracks)
 
     def on_state(self, vehicle: str, data: bytes, now: float) -> tuple[StateMessage, float] | None:
         """The state of a vehicle, and its instant on this process's clock, Unix seconds."""

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 
 import numpy as np
 
-from fwav_companion.fleet.payloads import FusedMessage, FusedTrack, SharedTrack, VehicleBias, encoded, triangle
+from fwav_companion.fleet.payloads import (
+    FusedMessage,
+    FusedTrack,
+    LocalTrack,
+    SharedTrack,
+    VehicleBias,
+    encoded,
+    triangle,
+)
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.ground.covariances import ellipse_of
+from fwav_companion.ground.covariances import ellipse_of, from_triangle
 from fwav_companion.ground.fleet_intake import FleetIntake, WholeReport
 from fwav_companion.ground.fusion.fleet_fusion import FRESH_S, FleetFusion
 from fwav_companion.ground.fusion.fused_targets import FusedTarget
 from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, ReportedTrack
 from fwav_companion.ground.picture import GroundPicture, readiness_fields, targets_of
-from fwav_companion.ground.views import TargetView
+from fwav_companion.ground.views import LocalTargetView, TargetView
 
 TURN_S = 0.008
 """CPU time of a turn, seconds, after which a step waits for the next call: with the slice that is begun then, 20 ms."""
@@ -57,7 +65,7 @@ class FleetPicture:
         report = self._intake.on_tracks(vehicle, data, now)
         if report is None:
             return
-        self._picture.on_vehicle(vehicle, now, heard={"companion": now})
+        self._picture.on_vehicle(vehicle, now, heard={"companion": now}, local_targets=self._local_targets(report))
         sigmas = _sigmas(report.bias)
         tracks = self._tracks(report)
         if report.tracks and not tracks and self._moves_to(report, now):
@@ -103,6 +111,13 @@ class FleetPicture:
     def _start_anew(self) -> None:
         self._running, self._fusion, self._plane = None, FleetFusion(), None
 
+    def _local_targets(self, report: WholeReport) -> tuple[LocalTargetView, ...]:
+        """The targets in the vehicle's local world; each keeps the instant of its first report."""
+        known = self._picture.vehicles.get(report.vehicle)
+        first = {} if known is None else {each.id: each.first_unix for each in known.local_targets}
+        views = (_local_target(report, track, first) for track in report.local_tracks)
+        return tuple(view for view in views if view is not None)
+
     def _tracks(self, report: WholeReport) -> list[ReportedTrack]:
         """The tracks of a report that are within the plane's reach."""
         tracks = [self._reported(report.vehicle, track, report.bias, report.at_unix) for track in report.tracks]
@@ -138,7 +153,11 @@ class FleetPicture:
         fields |= readiness_fields(known, ready=state.ready, trouble=state.trouble)
         if known is None or not known.kind:
             fields["kind"] = "fleet"
+        fields["local_ned"] = None if state.local is None else (state.local.north, state.local.east, state.local.down)
         ages = {"autopilot": state.autopilot_age_s, "detector": state.frame_age_s}
+        if state.local is not None:  # the instant of a place on the earth, which may be older, stays
+            fields["heading_deg"] = state.heading_deg
+            ages |= dict.fromkeys(("local", "attitude"), state.position_age_s or 0.0)
         if state.lat is not None and state.lon is not None:
             fields |= {"lat": state.lat, "lon": state.lon, "alt_amsl": state.alt_amsl}
             fields["heading_deg"] = state.heading_deg
@@ -250,6 +269,27 @@ class FleetPicture:
             raise AssertionError
         north, east = (float(each) for each in target.position)
         return self._plane.geodetic_from_ned((north, east, target.down_m))
+
+
+def _local_target(report: WholeReport, track: LocalTrack, first: Mapping[str, float]) -> LocalTargetView | None:
+    """The track as a target on its vehicle's grid. ``first``: instants of first reports by id."""
+    cov = from_triangle(track.cov)
+    if cov is None:
+        return None
+    identity = f"{report.vehicle}/local/{track.track}"
+    return LocalTargetView(
+        id=identity,
+        track=str(track.track),
+        label=track.label,
+        state=track.state,
+        north_m=track.north,
+        east_m=track.east,
+        down_m=track.down,
+        ellipse=ellipse_of(cov),
+        radius95_m=radius_95(cov),
+        first_unix=first.get(identity, report.at_unix),
+        seen_unix=report.at_unix - max(track.last_seen_s, 0.0),
+    )
 
 
 def _sigmas(bias: VehicleBias) -> Array:

@@ -33,9 +33,9 @@ EXPORTS = {
 PAGE = files("fwav_companion.ground") / "page"
 PAGE_FILES = frozenset(
     {
-        "app.js", "connection.js", "details.js", "ellipse.js", "exports.js", "format.js", "graticule.js", "health.js",
-        "icon.svg", "list.js", "map.js", "picture.js", "style.css", "units.js", "vendor/leaflet.css",
-        "vendor/leaflet.js", "vendor/leaflet.LICENSE", "vendor/mgrs.js", "vendor/mgrs.LICENSE",
+        "app.js", "connection.js", "details.js", "ellipse.js", "exports.js", "format.js", "graticule.js", "grids.js",
+        "health.js", "icon.svg", "list.js", "map.js", "marks.js", "picture.js", "style.css", "units.js",
+        "vendor/leaflet.css", "vendor/leaflet.js", "vendor/leaflet.LICENSE", "vendor/mgrs.js", "vendor/mgrs.LICENSE",
     }
 )  # fmt: skip
 """Files that are served; no other file is."""

@@ -30,6 +30,28 @@ class EllipseView(msgspec.Struct, frozen=True):
     """Direction of the larger semi-axis from north, clockwise."""
 
 
+class LocalTargetView(msgspec.Struct, frozen=True, kw_only=True):
+    """One target in its vehicle's local world."""
+
+    id: str
+    """Unique in the picture."""
+    track: str
+    """Track number at that vehicle."""
+    label: str = ""
+    state: str
+    """As of a :class:`TargetView`."""
+    north_m: float
+    """From the world's zero; the other axes alike."""
+    east_m: float
+    down_m: float
+    ellipse: EllipseView
+    radius95_m: float
+    """Radius of the 95 % circle."""
+    first_unix: float
+    seen_unix: float
+    """Instant of its last fix."""
+
+
 class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     """One vehicle."""
 
@@ -44,8 +66,8 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     heard_unix: float
     """Instant of the last message."""
     heard: dict[str, float] = {}
-    """Instant of the newest evidence by part (autopilot, companion, camera, detector) and by value (position, attitude,
-    battery, gps, readiness), as measured: a message that repeats an old value does not renew it."""
+    """Instant of the newest evidence by part (autopilot, companion, camera, detector) and by value (position, local,
+    attitude, battery, gps, readiness), as measured: a message that repeats an old value does not renew it."""
     quiet: dict[str, float] = {}
     """Parts that are silent, with the instant since which they are."""
     silent: bool = False
@@ -53,6 +75,11 @@ class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
     lat: float | None = None
     lon: float | None = None
     alt_amsl: float | None = None
+    local_ned: tuple[float, float, float] | None = None
+    """Place in its local world, metres from that world's zero; None: its companion's world is none, or has a place on
+    the earth."""
+    local_targets: tuple[LocalTargetView, ...] = ()
+    """Targets in that world. A target of the picture has a place on the earth, which exports and maps rely on."""
     height_m: float | None = None
     """Height above home."""
     roll_deg: float | None = None

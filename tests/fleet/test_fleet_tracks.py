@@ -116,3 +116,31 @@ def test_without_utc_nothing_is_made(shared):
     *_, flown, tracks, situation = shared
     maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")
     assert maker.messages(tracks, msgspec.structs.replace(situation, utc_minus_host_s=None), None) is None
+
+
+def test_without_a_plane_tracks_and_vehicle_are_in_the_local_world(shared):
+    """The same flight as it would be without a global position: the tracks' own places, and no other."""
+    *_, flown, tracks, situation = shared
+    maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")
+    message, state = maker.messages(tracks, msgspec.structs.replace(situation, plane=None), None)
+    (data,) = encoded(message)
+    read = decoded(data, TracksMessage)
+    assert read.tracks == ()
+    for sent, track in zip(read.local_tracks, tracks, strict=True):
+        assert (sent.track, sent.label, sent.state) == (track.id, track.label, track.state.value)
+        assert (sent.north, sent.east, sent.down) == pytest.approx(track.position_ned, abs=1e-3)
+        assert square(sent.cov) == pytest.approx(np.array(track.cov), rel=0.01)
+    here = situation.vehicle.position_ned
+    assert (state.local.north, state.local.east, state.local.down) == pytest.approx(here, abs=1e-3)
+    assert (state.lat, state.lon) == (None, None)
+    assert state.heading_deg is not None
+    assert state.position_age_s < 0.1
+
+
+def test_relative_world_is_not_shared(shared):
+    """Its zero is the point below the camera, which moves."""
+    *_, flown, tracks, situation = shared
+    maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")
+    nowhere = msgspec.structs.replace(situation.vehicle, position_ned=None)
+    situation = msgspec.structs.replace(situation, plane=None, newest_state=lambda: nowhere)
+    assert maker.messages(tracks, situation, None) is None

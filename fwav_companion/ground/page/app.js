@@ -3,6 +3,7 @@ import { Connection } from "./connection.js";
 import { Details } from "./details.js";
 import { watchExports } from "./exports.js";
 import { duration } from "./format.js";
+import { LocalGrids } from "./grids.js";
 import { chosenTarget, fleetGlance, silenceText, targetGlance } from "./health.js";
 import { RowList, targetEntries, textEntries, vehicleEntries } from "./list.js";
 import { PictureMap } from "./map.js";
@@ -23,6 +24,7 @@ let lostSeconds = null;
 
 setTheme(stored("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 const map = new PictureMap(element("map"), { onTarget: select, onClick: clicked });
+const grids = new LocalGrids(element("grids"), { onTarget: select });
 const details = new Details(element("details"), { onClose: () => select(null) });
 const lists = {
   targets: new RowList(element("targets"), select),
@@ -38,7 +40,7 @@ const connection = new Connection({
   onPicture: (update) => { picture.takeUpdate(update); schedule(); },
   onState: showState,
 });
-window.groundPicture = { map: map.map, layers: map, picture, connection };
+window.groundPicture = { map: map.map, layers: map, grids, picture, connection };
 
 fetch("settings.json").then((answer) => answer.json()).then((settings) => {
   element("title").textContent = settings.title;
@@ -69,8 +71,19 @@ function schedule() {
   requestAnimationFrame(() => {
     scheduled = false;
     adoptPoint();
+    showViews();
     map.draw(picture, picture.takeChanges());
   });
+}
+
+// The map gives its room to the local grids until something has a place on the earth.
+function showViews() {
+  const onEarth = (each) => each.lat !== null;
+  const alone = grids.draw(picture) && ![...picture.vehicles.values(), ...picture.targets.values()].some(onEarth);
+  if (element("map").hidden === alone) return;
+  element("map").hidden = alone;
+  map.map.invalidateSize();
+  grids.draw(picture);
 }
 
 // Until the operator chooses a point, it is where the first vehicle was.
@@ -91,6 +104,7 @@ function showLists() {
   element("count-vehicles").textContent = picture.vehicles.size;
   details.show(picture.targets.get(selected), point, picture);
   map.restyle(picture);
+  grids.draw(picture);
   element("sources").replaceChildren(...picture.sources.map((source) => {
     const item = document.createElement("li");
     item.textContent = `${source.name}: ${source.text}`;
@@ -123,6 +137,7 @@ function glance(id, { level, text }) {
 function showUnits(index) {
   element("units").textContent = units().name;
   map.setFeet(units().feet);
+  grids.setFeet(units().feet);
   return index;
 }
 
@@ -132,7 +147,8 @@ function select(id) {
   showLists();
   readHistory();
   const target = picture.targets.get(id);
-  if (target && !map.map.getBounds().contains([target.lat, target.lon])) map.map.panTo([target.lat, target.lon]);
+  if (target && target.lat === null) grids.show(target.vehicle);
+  else if (target && !map.map.getBounds().contains([target.lat, target.lon])) map.map.panTo([target.lat, target.lon]);
 }
 
 async function readHistory() {
@@ -148,6 +164,7 @@ async function readHistory() {
 function showVehicle(id) {
   const vehicle = picture.vehicles.get(id);
   if (vehicle && vehicle.lat !== null) map.map.panTo([vehicle.lat, vehicle.lon]);
+  grids.show(id);
 }
 
 function clicked(place) {

@@ -2,7 +2,7 @@
 import { age, clock, name } from "./format.js";
 import { accuracy, contradiction } from "./health.js";
 import { fromPoint, seenBy } from "./list.js";
-import { height, length, place } from "./units.js";
+import { height, length, whereabouts } from "./units.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 400;
@@ -39,8 +39,8 @@ export class Details {
     this.target = target;
     this.title.textContent = `${name(target)} (${target.state})`;
     const facts = [
-      ["place", place(target.lat, target.lon)],
-      ["altitude", target.alt_amsl === null ? "unknown" : `${height(target.alt_amsl)} above sea level`],
+      ["place", whereabouts(target)],
+      ["altitude", altitudeOf(target)],
       ["accuracy", this.accuracyOf(target)],
       ["claim", claim ? `contradicted since ${clock(claim.unix)}: ${claim.text}` : "no contradiction known"], ["from point", fromPoint(target, point) || "no point set"],
       ["seen", `${age(Math.max(0, now - target.seen_unix))}, since ${clock(target.first_unix)}`],
@@ -76,11 +76,16 @@ export class Details {
   }
 
   async copyPosition() {
-    const content = place(this.target.lat, this.target.lon);
+    const content = whereabouts(this.target);
     const copied = await copyText(content);
     this.copy.textContent = copied ? `Copied ${content}` : `Select and copy: ${content}`;
     setTimeout(() => { this.copy.textContent = "Copy position"; }, 2500);
   }
+}
+
+function altitudeOf(target) {
+  if (target.lat === null) return `${height(-target.down_m)} above the zero`;
+  return target.alt_amsl === null ? "unknown" : `${height(target.alt_amsl)} above sea level`;
 }
 
 // The clipboard API exists only on loopback and over HTTPS; elsewhere the old command still works.

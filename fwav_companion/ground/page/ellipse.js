@@ -21,16 +21,20 @@ export function moved(from, north, east) {
   return [from[0] + north / scale.north, from[1] + east / scale.east];
 }
 
-// Corners of an ellipse with these semi-axes in metres; the bearing is that of the larger one.
-export function corners(place, ellipse) {
+// Corners of an ellipse with these semi-axes about its centre, [north, east] in metres; the bearing is the larger one's.
+export function outline(ellipse) {
   const turn = ellipse.bearing_deg * Math.PI / 180;
-  const outline = [];
+  const corners = [];
   for (let corner = 0; corner < CORNERS; corner += 1) {
     const angle = 2 * Math.PI * corner / CORNERS;
     const along = ellipse.major_m * Math.cos(angle);
     const across = ellipse.minor_m * Math.sin(angle);
-    outline.push(moved(place, along * Math.cos(turn) - across * Math.sin(turn),
-      along * Math.sin(turn) + across * Math.cos(turn)));
+    corners.push([along * Math.cos(turn) - across * Math.sin(turn), along * Math.sin(turn) + across * Math.cos(turn)]);
   }
-  return outline;
+  return corners;
+}
+
+// The same on the earth.
+export function corners(place, ellipse) {
+  return outline(ellipse).map(([north, east]) => moved(place, north, east));
 }

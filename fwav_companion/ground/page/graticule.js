@@ -83,7 +83,7 @@ function line(pen, from, to, isAxis) {
   pen.globalAlpha = 1;
 }
 
-function label(value, feet, positive, negative) {
+export function label(value, feet, positive, negative) {
   if (Math.abs(value) < 1e-6) return "0";
   const size = Math.abs(value);
   const whole = feet ? `${+size.toFixed(2)} ft` : size >= 1000 ? `${+(size / 1000).toFixed(3)} km` : `${+size.toFixed(2)} m`;
@@ -91,7 +91,7 @@ function label(value, feet, positive, negative) {
 }
 
 // The next of 1, 2, 5 times a power of ten.
-function niceStep(metres) {
+export function niceStep(metres) {
   const power = 10 ** Math.floor(Math.log10(Math.max(metres, 1e-3)));
   return [1, 2, 5, 10].find((each) => each * power >= metres) * power;
 }

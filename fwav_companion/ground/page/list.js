@@ -2,7 +2,7 @@
 import { offset } from "./ellipse.js";
 import { age, bearing, clock, name } from "./format.js";
 import { accuracy, contradiction, isGone, isOld, OLD_S, vehicleHealth } from "./health.js";
-import { height, length, place, speed } from "./units.js";
+import { height, length, offsets, place, speed, whereabouts } from "./units.js";
 
 const SEVERE = 4;
 
@@ -89,7 +89,7 @@ export function targetEntries(picture, point, selected) {
         lines: [
           [{ text: accuracy(target), level: "claim" }, { text: fromPoint(target, point) }],
           claim ? [{ text: `contradicted since ${clock(claim.unix)}: ${claim.text}`, level: "bad" }] : [],
-          [{ text: place(target.lat, target.lon) }],
+          [{ text: whereabouts(target) }],
           [{ text: `since ${clock(target.first_unix)}` }, { text: seenBy(target) }],
         ],
       };
@@ -97,7 +97,7 @@ export function targetEntries(picture, point, selected) {
 }
 
 export function fromPoint(target, point) {
-  if (!point) return "";
+  if (!point || target.lat === null) return "";
   const { north, east } = offset(point, [target.lat, target.lon]);
   return `${length(Math.hypot(north, east))} at ${bearing(north, east)} from point`;
 }
@@ -112,7 +112,7 @@ export function vehicleEntries(picture) {
   return [...picture.vehicles.values()].sort((a, b) => a.id.localeCompare(b.id, undefined, { numeric: true }))
     .map((vehicle) => {
       const health = vehicleHealth(vehicle, now);
-      const { autopilot, companion, position, attitude, battery, gps } = vehicle.heard;
+      const { autopilot, companion, position, local, attitude, battery, gps } = vehicle.heard;
       return {
         id: vehicle.id, title: `vehicle ${vehicle.id}`, tag: health.word, level: health.level,
         age: age(Math.max(0, now - vehicle.heard_unix)), old: isOld(vehicle.heard_unix, now), current: false,
@@ -121,12 +121,12 @@ export function vehicleEntries(picture) {
           [{ text: health.text, level: health.level === "good" ? "" : health.level }],
           [{ text: vehicle.kind }, { text: armed(vehicle), unix: autopilot ?? companion ?? null },
             { text: vehicle.gps, unix: gps }, { text: batteryText(vehicle), unix: battery }],
-          [vehicle.lat === null ? { text: "no position yet" }
-            : { text: place(vehicle.lat, vehicle.lon), unix: position ?? vehicle.heard_unix }],
+          [placeOnEarth(vehicle), vehicle.local_ned === null ? {}
+            : { text: `local: ${offsets(...vehicle.local_ned)}, ${height(-vehicle.local_ned[2])} above its zero`, unix: local }],
           [{ text: vehicle.height_m === null ? "" : `${height(vehicle.height_m)} above home`, unix: position },
             { text: vehicle.speed_m_s === null ? "" : speed(vehicle.speed_m_s), unix: position },
             { text: vehicle.heading_deg === null ? "" : `heading ${vehicle.heading_deg.toFixed(0)}°`,
-              unix: attitude ?? position }],
+              unix: attitude ?? position ?? local }],
           [companion === undefined ? { text: "companion: not heard" }
             : { text: `companion: ${vehicle.companion ?? "heard"}`, unix: companion }],
           [{ text: vehicle.readiness, unix: readinessUnix(vehicle) }],
@@ -134,6 +134,11 @@ export function vehicleEntries(picture) {
         ],
       };
     });
+}
+
+function placeOnEarth(vehicle) {
+  if (vehicle.lat !== null) return { text: place(vehicle.lat, vehicle.lon), unix: vehicle.heard.position ?? vehicle.heard_unix };
+  return { text: vehicle.local_ned === null ? "no position yet" : "" };
 }
 
 // A report of readiness holds while the parts that it is about are heard; after a silence it is what was said once.

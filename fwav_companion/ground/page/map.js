@@ -1,8 +1,8 @@
 // The map: vehicles with heading, path and footprint; targets with their 95 % ellipses.
 import { corners } from "./ellipse.js";
-import { duration, name } from "./format.js";
+import { name } from "./format.js";
 import { Graticule } from "./graticule.js";
-import { isGone, isOld } from "./health.js";
+import { arrowShape, SVG, targetMark, vehicleMark } from "./marks.js";
 
 const L = window.L;
 const START = [0, 0];
@@ -11,8 +11,6 @@ const MAX_ZOOM = 24;
 const FINGER_PX = 12;
 const MAX_NAMES = 60;
 const MAX_TRAIL = 150;
-const ARROW = "M0,-13 L9,10 L0,5 L-9,10 Z";
-const SVG = "http://www.w3.org/2000/svg";
 
 export class PictureMap {
   constructor(element, { onTarget, onClick }) {
@@ -95,7 +93,7 @@ export class PictureMap {
   }
 
   drawTarget(target, now) {
-    if (!target) return;
+    if (!target || target.lat === null) return;  // without a place on the earth it is on a local grid
     const place = [target.lat, target.lon];
     const outline = target.ellipse ? corners(place, target.ellipse) : [];
     let marks = this.targets.get(target.id);
@@ -117,14 +115,12 @@ export class PictureMap {
   styleTarget(target, now) {
     const marks = this.targets.get(target.id);
     if (!marks) return;
-    const gone = isGone(target, now);
-    const unsure = ["coasting", "tentative", "reported"].includes(target.state);
-    const style = `${gone ? "--old" : unsure ? "--coasting" : "--target"}`;
+    const { paint: style, dashed } = targetMark(target, now);
     if (marks.style === style + colour(style)) return;
     marks.style = style + colour(style);
     const paint = colour(style);
     marks.centre.setStyle({ color: paint, fillColor: paint });
-    marks.ellipse.setStyle({ color: paint, fillColor: paint, dashArray: gone || unsure ? "6 5" : null });
+    marks.ellipse.setStyle({ color: paint, fillColor: paint, dashArray: dashed ? "6 5" : null });
   }
 
   removeTarget(id) {
@@ -164,18 +160,15 @@ export class PictureMap {
     marks.footprint.setLatLngs(vehicle.footprint);
   }
 
-  // Its own colour; grey with its age where the place is old: it may be elsewhere.
   styleVehicle(vehicle, now) {
     const marks = this.vehicles.get(vehicle.id);
     if (!marks) return;
-    const placed = vehicle.heard.position ?? vehicle.heard_unix;
-    const old = isOld(placed, now);
-    const label = old ? `${vehicle.id} · ${duration(now - placed)} old` : vehicle.id;
+    const { old, label, paint: variable } = vehicleMark(vehicle, vehicle.heard.position ?? vehicle.heard_unix, now);
     if (marks.label !== label) {
       marks.label = label;
       marks.arrow.setTooltipContent(text(label));
     }
-    const paint = colour(old ? "--old" : `--v${vehicle.number % 8}`);
+    const paint = colour(variable);
     if (marks.paint === paint) return;
     marks.paint = paint;
     marks.shape.setAttribute("fill", paint);
@@ -210,10 +203,7 @@ function arrow() {
   svg.setAttribute("viewBox", "-16 -16 32 32");
   svg.setAttribute("width", "32");
   svg.setAttribute("height", "32");
-  const shape = document.createElementNS(SVG, "path");
-  shape.setAttribute("d", ARROW);
-  shape.setAttribute("stroke", "white");
-  shape.setAttribute("stroke-width", "1.5");
+  const shape = arrowShape();
   svg.append(shape);
   return { icon: L.divIcon({ html: svg, className: "vehicle", iconSize: [32, 32], iconAnchor: [16, 16] }), shape };
 }

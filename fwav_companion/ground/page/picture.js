@@ -2,6 +2,9 @@
 const MAX_TEXTS = 200;
 const MAX_PATH = 600;
 const PATH_STEP_DEG = 5e-6;
+// What a target in a local world has no value for.
+const NOWHERE = { lat: null, lon: null, alt_amsl: null, contradicted: "", contradicted_unix: null, bound: false,
+  source: "fleet", vehicles: {}, left_out: {} };
 
 export class Picture {
   constructor() {
@@ -9,6 +12,7 @@ export class Picture {
     this.targets = new Map();
     this.texts = [];
     this.sources = [];
+    this.localIds = new Map();
     this.paths = new Map();
     this.revision = 0;
     this.serverAhead = 0;
@@ -34,6 +38,7 @@ export class Picture {
       this.vehicles.set(vehicle.id, vehicle);
       this.changedVehicles.add(vehicle.id);
       this.extendPath(vehicle);
+      this.takeLocal(vehicle);
     }
     for (const target of update.targets) {
       this.targets.set(target.id, target);
@@ -44,6 +49,21 @@ export class Picture {
     this.texts.push(...update.texts);
     this.texts.splice(0, Math.max(0, this.texts.length - MAX_TEXTS));
     this.sources = update.sources;
+  }
+
+  // Targets in a vehicle's local world come with the vehicle, all of them each time.
+  takeLocal(vehicle) {
+    const ids = new Set(vehicle.local_targets.map((target) => target.id));
+    for (const id of this.localIds.get(vehicle.id) ?? []) if (!ids.has(id)) this.remove(id);
+    for (const target of vehicle.local_targets) {
+      this.targets.set(target.id, { ...NOWHERE, ...target, vehicle: vehicle.id });
+      this.removedTargets.delete(target.id);
+    }
+    this.localIds.set(vehicle.id, ids);
+  }
+
+  localTargets(vehicle) {
+    return [...this.localIds.get(vehicle) ?? []].map((id) => this.targets.get(id)).filter(Boolean);
   }
 
   // A removed target that came back later in the same update is among its targets.
@@ -60,6 +80,7 @@ export class Picture {
     const known = new Set(update.vehicles.map((vehicle) => vehicle.id));
     for (const id of [...this.vehicles.keys()]) if (!known.has(id)) {
       this.vehicles.delete(id);
+      this.localIds.delete(id);
       this.changedVehicles.add(id);
     }
     this.texts = [];

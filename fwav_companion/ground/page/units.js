@@ -41,6 +41,16 @@ export function speed(metresPerSecond) {
   return `${value.toFixed(1)} ${CHOICES[chosen].feet ? "ft/s" : "m/s"}`;
 }
 
+// Where a target is: on the earth, or from the zero of its vehicle's local world.
+export function whereabouts(target) {
+  if (target.lat !== null) return place(target.lat, target.lon);
+  return `${offsets(target.north_m, target.east_m)} of the zero of vehicle ${target.vehicle}`;
+}
+
+export function offsets(north, east) {
+  return `${length(Math.abs(north))} ${north < 0 ? "S" : "N"}, ${length(Math.abs(east))} ${east < 0 ? "W" : "E"}`;
+}
+
 // Near the poles MGRS is not defined: degrees then.
 export function place(lat, lon) {
   return (CHOICES[chosen].mgrs && mgrs(lat, lon)) || latLon(lat, lon);
