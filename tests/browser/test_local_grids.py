@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import local_fleet
 import pytest
 from local_fleet import HEADING_DEG, PLACES, SEEN
 from processes import Process
 
 pytest.importorskip("aiohttp")
 
-FLEET = Path(__file__).with_name("local_fleet.py")
+FLEET = Path(local_fleet.__file__)
 DRAWN = """
 (() => {
   const svg = document.querySelector(`#grids svg[aria-label="Local grid of vehicle VEHICLE"]`);
@@ -38,7 +39,7 @@ AXIS_95 = 2.4477
 
 
 def drawn(vehicle: str) -> str:
-    return DRAWN.replace("VEHICLE", vehicle)
+    return DRAWN.strip().replace("VEHICLE", vehicle)
 
 
 @pytest.fixture
