@@ -18,7 +18,7 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.types import Notice, NoticeCode, Severity, Situation
 
 WITHOUT_UTC = "UTC is unknown: wait for the autopilot's GPS, or run NTP on this board"
-WITHOUT_POSITION = "no global position: wait for the autopilot's GPS"
+WITHOUT_POSITION = "no position: wait for the autopilot's GPS, or its good local position"
 
 
 class FleetSharing:

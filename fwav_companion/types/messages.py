@@ -155,7 +155,7 @@ class NoticeCode(StrEnum):
     FLEET_WITHOUT_UTC = "fleet_without_utc"
     """Nothing is shared with the fleet while UTC is unknown. Wait for GPS, or run NTP on the board."""
     FLEET_WITHOUT_POSITION = "fleet_without_position"
-    """Nothing is shared with the fleet without a global position. Wait for the autopilot's GPS."""
+    """Nothing is shared with the fleet without a position. Wait for the autopilot's GPS, or its good local position."""
 
     ORIGIN_SET = "origin_set"
     """The first global position was received: the local frame has its origin."""

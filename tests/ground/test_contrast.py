@@ -17,6 +17,7 @@ PAIRS = [
     *((name, "panel", TEXT) for name in ("target", "coasting", "old", "good", "bad")),
     *((name, "press", TEXT) for name in ("text", "quiet", "target", "coasting", "old", "good", "bad")),
     ("warn-text", "warn-back", SUNLIGHT),
+    *((name, "map", TEXT) for name in ("text", "quiet")),
     *((name, "map", MARK) for name in ("target", "coasting", "old", *(f"v{number}" for number in range(8)))),
 ]
 

@@ -6,6 +6,7 @@ Once FILE exists, vehicle 1 has a global position, and its tracks have places on
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 import time
 from pathlib import Path
@@ -67,7 +68,7 @@ async def serve(port: int, found: Path) -> None:
     picture = GroundPicture()
     options = GroundOptions(host="127.0.0.1", port=port, token="", rate_hz=5.0)
     process = GroundProcess(picture, [LocalFleet(picture, found)], options, clock=time.time)
-    await process.run(asyncio.Event(), lambda: print("serving", flush=True))
+    await process.run(asyncio.Event(), lambda: os.write(1, b"serving\n"))
 
 
 if __name__ == "__main__":

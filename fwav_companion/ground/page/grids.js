@@ -10,6 +10,7 @@ const LEAST_REACH_M = 2;
 const ROOM = 1.15;
 const SPACING_PX = 60;
 const FINGER_PX = 22;
+const FOOT_PX = 6;
 const FOOT_M = 0.3048;
 
 export class LocalGrids {
@@ -32,6 +33,7 @@ export class LocalGrids {
     this.element.hidden = !shown.length;
     for (const vehicle of shown) {
       const grid = this.grids.get(vehicle.id) ?? this.add(vehicle.id);
+      grid.figure.style.order = vehicle.number;
       grid.draw(vehicle, picture.localTargets(vehicle.id), picture.now(), this.unit);
     }
     return shown.length > 0;
@@ -53,7 +55,7 @@ class LocalGrid {
   constructor(id, onTarget) {
     this.figure = document.createElement("figure");
     const caption = document.createElement("figcaption");
-    caption.textContent = `vehicle ${id}: local world, from its own zero`;
+    caption.textContent = `vehicle ${id}: local grid about its own zero`;
     this.svg = create("svg", { role: "img", "aria-label": `Local grid of vehicle ${id}` });
     this.figure.append(caption, this.svg);
     this.places = [];
@@ -94,12 +96,13 @@ class LocalGrid {
     for (let count = -most(this.width); count <= most(this.width); count += 1) {
       const { x } = this.pixel(0, count * step);
       drawn.push(create("line", { x1: x, x2: x, y1: 0, y2: this.height, class: count ? "line" : "line axis" }),
-        create("text", { x: x + 3, y: this.height - 5, class: "number" }, label(count * step / unit, feet, "E", "W")));
+        create("text", { x: x + 3, y: this.height - FOOT_PX, class: "number" }, label(count * step / unit, feet, "E", "W")));
     }
     for (let count = -most(this.height); count <= most(this.height); count += 1) {
       const { y } = this.pixel(count * step, 0);
       drawn.push(create("line", { x1: 0, x2: this.width, y1: y, y2: y, class: count ? "line" : "line axis" }));
-      if (count) drawn.push(create("text", { x: 4, y: y - 3, class: "number" }, label(count * step / unit, feet, "N", "S")));
+      if (!count || y > this.height - 3 * FOOT_PX) continue;  // it has a number, or those of the east are there
+      drawn.push(create("text", { x: 4, y: y - 3, class: "number" }, label(count * step / unit, feet, "N", "S")));
     }
     return drawn;
   }
