@@ -101,7 +101,7 @@ class LocalGrid {
     for (let count = -most(this.height); count <= most(this.height); count += 1) {
       const { y } = this.pixel(count * step, 0);
       drawn.push(create("line", { x1: 0, x2: this.width, y1: y, y2: y, class: count ? "line" : "line axis" }));
-      if (!count || y > this.height - 3 * FOOT_PX) continue;  // it has a number, or those of the east are there
+      if (!count || y > this.height - 3 * FOOT_PX) continue;  // the axis needs no number; at the foot are those of east
       drawn.push(create("text", { x: 4, y: y - 3, class: "number" }, label(count * step / unit, feet, "N", "S")));
     }
     return drawn;
