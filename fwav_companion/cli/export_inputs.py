@@ -10,14 +10,14 @@ from functools import cached_property
 from itertools import chain
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
 from fwav_companion.errors import InputFileError, UserError
 from fwav_companion.recording.folder import DETECTIONS, PICTURES, STAMPS, TARGETS
-from fwav_companion.recording.line_decoder import targets_decoder
-from fwav_companion.recording.line_types import Line
+from fwav_companion.recording.line_decoder import DAMAGE, targets_decoder
+from fwav_companion.recording.line_types import Line, PlausibleSeconds
 
 if TYPE_CHECKING:
     from fwav_companion.recording.exports.viewer_scene import Message
@@ -26,12 +26,34 @@ T = TypeVar("T")
 FORMATS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}
 
 
-class _DetectedFrame(msgspec.Struct):
-    """A line of detections, with what export reads of it."""
+class _Stamped(msgspec.Struct):
+    """What the lines of stamps and detections have in common."""
 
     frame: int | None = None
-    time_unix: float | None = None
-    received_unix: float | None = None
+    time_unix: PlausibleSeconds | None = None
+    received_unix: PlausibleSeconds | None = None
+
+    @property
+    def unix_ns(self) -> int | None:
+        """The exposure, else the arrival, on the recording's clock."""
+        seconds = self.received_unix if self.time_unix is None else self.time_unix
+        return None if seconds is None else max(0, round(seconds * 1e6) * 1000)
+
+
+class _StampedPicture(_Stamped):
+    """A line of stamps, with what export reads of it."""
+
+    file: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name without its folder."""
+        return self.file.rpartition("/")[2]
+
+
+class _DetectedFrame(_Stamped):
+    """A line of detections, with what export reads of it."""
+
     detections: msgspec.Raw = msgspec.Raw(b"[]")
 
 
@@ -80,7 +102,7 @@ class RecordedFlight:
 
     def pictures_by_frame(self) -> dict[int, Path]:
         """The paths of the recorded pictures, by frame number."""
-        return {each["frame"]: file for each, file in self._stamped if isinstance(each.get("frame"), int)}
+        return {each.frame: file for each, file in self._stamped if each.frame is not None}
 
     def print_damage(self) -> None:
         """Report lines that were left out."""
@@ -105,42 +127,44 @@ class RecordedFlight:
             for raw in file:
                 try:
                     line = decoder.decode(raw)
-                except msgspec.DecodeError:
+                except DAMAGE:
                     self._damaged += 1
                     continue
                 yield line
 
     @cached_property
-    def _stamped(self) -> list[tuple[dict[str, Any], Path]]:
+    def _stamped(self) -> list[tuple[_StampedPicture, Path]]:
         """The stamps of the pictures that exist, with their paths. Read once: three readers want them."""
         if self._folder is None or not (self._folder / STAMPS).is_file():
             return []
-        pictures = {file.name: file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS}
-        stamped = (
-            (each, _name(each)) for each in self._decoded(self._folder / STAMPS, msgspec.json.Decoder(dict[str, Any]))
-        )
-        return [(each, pictures[name]) for each, name in stamped if name in pictures]
+        files = (file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS)
+        pictures = {file.name: file for file in files if file.is_file()}  # a pipe would never end
+        stamped = self._decoded(self._folder / STAMPS, msgspec.json.Decoder(_StampedPicture))
+        return [(each, pictures[each.name]) for each in stamped if each.name in pictures]
 
     def _pictures(self) -> Iterator[Message]:
         from fwav_companion.recording.exports.viewer_messages import image
 
         for each, file in self._stamped:
-            at_ns = _unix_ns(each)
-            if at_ns is not None:
+            if (at_ns := each.unix_ns) is not None:
                 yield image(at_ns, file.read_bytes(), FORMATS[file.suffix.lower()])
 
     def _annotations(self) -> Iterator[Message]:
         """The detections of the frames with a picture: drawn into an older picture they would mislead."""
-        from fwav_companion.recording.exports.viewer_messages import drawn_detections
+        from fwav_companion.recording.exports.viewer_messages import DrawnDetection, drawn_detections
 
-        kept = self.pictures_by_frame().keys()
+        kept, decoder = self.pictures_by_frame().keys(), msgspec.json.Decoder(list[DrawnDetection])
         if self._folder is None or not kept or not (self._folder / DETECTIONS).is_file():
             return
         for each in self._decoded(self._folder / DETECTIONS, msgspec.json.Decoder(_DetectedFrame)):
             if each.frame in kept:  # the others are many, and their detections are not looked at
-                at_ns, found = _unix_ns(msgspec.structs.asdict(each)), msgspec.json.decode(each.detections)
-                if at_ns is not None and isinstance(found, list):
-                    yield drawn_detections(at_ns, [one for one in found if isinstance(one, dict)])
+                try:
+                    drawn = decoder.decode(each.detections)
+                except DAMAGE:
+                    self._damaged += 1
+                    continue
+                if (at_ns := each.unix_ns) is not None:
+                    yield drawn_detections(at_ns, drawn)
 
     def _calibrations(self) -> Iterator[Message]:
         """The lens, at the instant of the first picture; nothing for a lens that viewers have no model of."""
@@ -166,20 +190,6 @@ class RecordedFlight:
 
 def _ignore(_count: int) -> None:
     """Take the bytes read, without a progress bar."""
-
-
-def _unix_ns(line: dict[str, Any]) -> int | None:
-    """The exposure, else the arrival, on the recording's clock."""
-    for key in ("time_unix", "received_unix"):
-        value = line.get(key)
-        if isinstance(value, int | float):
-            return max(0, round(value * 1e6) * 1000)
-    return None
-
-
-def _name(stamp: dict[str, Any]) -> str:
-    """A picture's file name, by its stamp."""
-    return str(stamp.get("file")).rpartition("/")[2]
 
 
 def _merged(many: Iterator[Message], rare: Iterator[Message]) -> Iterator[Message]:

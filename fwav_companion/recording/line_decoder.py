@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Generic, TypeVar, get_args
+from typing import Any, Final, Generic, TypeVar, get_args
 
 import msgspec
 
 from fwav_companion.recording.line_types import Line
 
 L = TypeVar("L")
+DAMAGE: Final = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+"""What decoding raises for bytes that are not a line of a wanted type: msgspec checks neither text nor depth."""
 
 
 class _TypeOfLine(msgspec.Struct):
@@ -36,7 +38,7 @@ class LineDecoder(Generic[L]):
             return None
         try:
             return self._decoder.decode(encoded)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except DAMAGE:
             if self._is_unknown(encoded):
                 self.unknown += 1
             else:
@@ -46,7 +48,7 @@ class LineDecoder(Generic[L]):
     def _is_unknown(self, encoded: bytes) -> bool:
         try:
             return msgspec.json.decode(encoded, type=_TypeOfLine).type not in self._known
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except DAMAGE:
             return False
 
 

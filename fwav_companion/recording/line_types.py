@@ -22,6 +22,8 @@ from fwav_companion.types.flight_status import ParameterReport
 SCHEMA = 1
 PlausibleMetres = Annotated[float, msgspec.Meta(ge=-1e8, le=1e8)]
 """A distance from an origin, metres; the limit is several times the Earth's diameter."""
+PlausibleSeconds = Annotated[float, msgspec.Meta(ge=-9e9, le=9e9)]
+"""A time since 1970, or since a start, or their difference: the sum of two fits into MCAP's 64 bits of nanoseconds."""
 
 
 def absent() -> None:
@@ -59,7 +61,7 @@ class HeaderLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", ta
     version: str
     origin: OriginObject | None
     """None: not known when the header was written."""
-    unix_offset_s: float
+    unix_offset_s: PlausibleSeconds
     """Recording's clock minus the host's monotonic clock, seconds."""
     config: Mapping[str, Any] = msgspec.field(default_factory=no_table)
     """The configuration by table and key, without secrets."""
@@ -68,7 +70,7 @@ class HeaderLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", ta
 class OriginLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="origin"):
     """An origin that became known after the header was written; also where a global position is lost or comes back."""
 
-    time_unix: float | None = msgspec.field(default_factory=absent)
+    time_unix: PlausibleSeconds | None = msgspec.field(default_factory=absent)
     origin: OriginObject | None
     lat: float | None = msgspec.field(default_factory=absent)
     lon: float | None = msgspec.field(default_factory=absent)
@@ -80,7 +82,7 @@ class OriginLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", ta
 class HomeLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="home"):
     """A change of the home surface."""
 
-    time_unix: float | None = msgspec.field(default_factory=absent)
+    time_unix: PlausibleSeconds | None = msgspec.field(default_factory=absent)
     down: float
     """Home surface in NED, metres."""
 
@@ -88,7 +90,7 @@ class HomeLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag=
 class TerrainLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="terrain"):
     """A shift of the elevation model to the take-off height."""
 
-    time_unix: float
+    time_unix: PlausibleSeconds
     shift_m: float
     sigma_m: float
     source: str
@@ -97,7 +99,7 @@ class TerrainLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", t
 class ClockEstimateLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="clock"):
     """The clock estimate, once a second."""
 
-    time_monotonic: float
+    time_monotonic: PlausibleSeconds
     time_boot: float
     host_from_autopilot_s: float
     """Host clock minus the autopilot's, seconds."""
@@ -115,7 +117,7 @@ class CalibrationLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=T
                       tag="calibration"):  # fmt: skip
     """The state of self-calibration, once a second."""
 
-    time_unix: float
+    time_unix: PlausibleSeconds
     time_offset_s: float
     """Total delay, the configured one included, seconds."""
     time_offset_sigma_s: float
@@ -190,7 +192,7 @@ class InnovationObject(msgspec.Struct, frozen=True, kw_only=True):
 class TargetLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="target"):
     """State of one live track after one processed frame."""
 
-    time_unix: float
+    time_unix: PlausibleSeconds
     time_boot: float | None = msgspec.field(default_factory=absent)
     frame: int | None
     track: int

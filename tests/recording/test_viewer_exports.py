@@ -265,6 +265,40 @@ def test_damaged_stamp_of_a_picture_is_counted_once(folder, capsys):
     assert "2 lines are incomplete" in capsys.readouterr().err
 
 
+DEEP = b"[" * 5000 + b"]" * 5000
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("pictures/stamps.jsonl", b'{"frame":1,"time_unix":1.0,"file":"\xff"}'),
+        ("pictures/stamps.jsonl", b'{"frame":1,"x":' + DEEP + b"}"),
+        ("pictures/stamps.jsonl", b'{"frame":1,"time_unix":1e305,"file":"000001.jpg"}'),
+        ("pictures/stamps.jsonl", b'{"frame":1,"time_unix":1e18,"file":"000001.jpg"}'),
+        ("pictures/stamps.jsonl", b'{"frame":1,"time_unix":' + b"9" * 400 + b',"file":"000001.jpg"}'),
+        ("detections.jsonl", b'{"frame":1,"time_unix":1.0,"detections":' + DEEP + b"}"),
+        ("detections.jsonl", b'{"frame":1,"time_unix":1.0,"detections":[{"u":1e999}]}'),
+        ("detections.jsonl", b'{"frame":1,"time_unix":1.0,"detections":[{"label":"\xff"}]}'),
+        ("detections.jsonl", b'{"frame":1,"time_unix":1.0,"detections":[{"u":"x","v":1}]}'),
+        ("targets.jsonl", json.dumps(target(1e18)).encode()),
+        ("targets.jsonl", b'{"type":"header","version":"1","origin":null,"unix_offset_s":1e308}'),
+    ],
+)
+def test_export_leaves_out_the_lines_of_a_strangers_recording_that_cannot_be_read(folder, capsys, name, line):
+    file = folder / name
+    file.write_bytes(line + b"\n" + file.read_bytes())
+    assert main(["export", str(folder), "--out", str(folder / "a.mcap")]) == 0
+    assert "2 lines are incomplete" in capsys.readouterr().err
+    messages = read((folder / "a.mcap").read_bytes())
+    assert len(of(messages, "/camera/image")) == len(of(messages, "/camera/annotations")) == 2
+
+
+def test_export_does_not_wait_for_a_picture_that_is_a_pipe(folder, capsys):
+    (folder / "pictures/000001.jpg").unlink()
+    os.mkfifo(folder / "pictures/000001.jpg")
+    assert len(of(read(exported(folder, "a.mcap", capsys)), "/camera/image")) == 1
+
+
 def test_pictures_after_the_last_line_are_in_the_file(folder, capsys):
     (folder / "pictures/000009.jpg").write_bytes(JPEG)
     with (folder / "pictures/stamps.jsonl").open("a") as file:

@@ -5,8 +5,11 @@ The frame ``map`` is ENU about the origin, as viewers expect; ``vehicle`` and ``
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 from typing import Any, Final
+
+import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
@@ -142,20 +145,29 @@ class ViewerMessages:
         return self._last_ns
 
 
+class DrawnDetection(msgspec.Struct):
+    """A recorded detection, with what is drawn of it, pixels."""
+
+    u: float | None = None
+    v: float | None = None
+    box: tuple[float, float, float, float] | None = None
+    label: str | None = None
+
+
 def image(at_ns: int, data: bytes, form: str) -> Message:
     """A recorded picture. The JSON encoder writes bytes as base64, as the schema has them."""
     content = {"timestamp": stamp(at_ns), "frame_id": CAMERA, "data": data, "format": form}
     return "/camera/image", at_ns, content
 
 
-def drawn_detections(at_ns: int, detections: list[dict[str, Any]]) -> Message:
+def drawn_detections(at_ns: int, detections: Sequence[DrawnDetection]) -> Message:
     """The detections of one frame, drawn into its picture."""
     points, texts = [], []
     for each in detections:
-        u, v = each.get("u"), each.get("v")
+        u, v = each.u, each.v
         if u is None or v is None:
             continue
-        left, top, right, bottom = each.get("box") or (u - 8.0, v - 8.0, u + 8.0, v + 8.0)
+        left, top, right, bottom = each.box or (u - 8.0, v - 8.0, u + 8.0, v + 8.0)
         corners = [{"x": x, "y": y} for x, y in ((left, top), (right, top), (right, bottom), (left, bottom))]
         orange = COLOURS["confirmed"]
         points.append(
@@ -171,7 +183,7 @@ def drawn_detections(at_ns: int, detections: list[dict[str, Any]]) -> Message:
             {
                 "timestamp": stamp(at_ns),
                 "position": {"x": left, "y": top},
-                "text": str(each.get("label") or ""),
+                "text": each.label or "",
                 "font_size": 14.0,
                 "text_color": orange,
             }
