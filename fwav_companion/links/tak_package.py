@@ -12,10 +12,13 @@ import msgspec
 from fwav_companion.errors import UserError
 from fwav_companion.links.tls_identity import MOST_BYTES, TlsFiles
 from fwav_companion.links.url import TcpUrl, TlsUrl, UrlError, parse_cot_url
+from fwav_companion.zip_damage import ZIP_DAMAGE
 
 SCHEMES: Final = {"ssl": "tls", "tls": "tls", "tcp": "tcpout"}
 """Kind of a cot URL by the last part of a package's connect string."""
 ACCEPTED: Final = "accepted: a TAK data package with a .pref file and its certificates"
+DAMAGE: Final = (*ZIP_DAMAGE, ParseError, LookupError, ValueError)
+"""What Python raises for a damaged package: that of a zip file, of XML, and of an encoding that it does not know."""
 
 
 class TakServer(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,7 +35,7 @@ def read_package(path: str) -> TakServer:
             return _server(path, archive)
     except OSError as error:
         raise UserError(f"cot_package {path}: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, ParseError, NotImplementedError, RuntimeError, EOFError, ValueError):
+    except DAMAGE:
         raise UserError(f"cot_package {path}: damaged, or not a package; {ACCEPTED}") from None
 
 

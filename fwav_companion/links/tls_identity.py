@@ -81,6 +81,8 @@ def _load_client(context: ssl.SSLContext, files: TlsFiles) -> None:
             context.load_cert_chain(chain, secret, password=lambda: files.client_password)
         except ssl.SSLError as error:
             raise UserError(_why_not_loaded(error, has_password=bool(files.client_password))) from None
+        except ValueError as error:  # of a password that OpenSSL cannot take
+            raise UserError(f"cot_password_file: {error}; accepted: the password of the key") from None
 
 
 def _why_not_loaded(error: ssl.SSLError, *, has_password: bool) -> str:

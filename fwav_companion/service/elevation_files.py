@@ -10,18 +10,18 @@ from __future__ import annotations
 import mmap
 import re
 import struct
-import zlib
 from array import array
 from collections.abc import Callable, Sequence
 from math import isqrt, nan
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import require
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import open_regular
+from fwav_companion.zip_damage import ZIP_DAMAGE
 
 HGT_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3}).*\.hgt", re.IGNORECASE)
 LOWEST_M, HIGHEST_M = -500.0, 9000.0
@@ -77,7 +77,7 @@ def _read_zipped_hgt(path: Path) -> ElevationTile:
             name = Path(members[0].filename).name
             _require_corner_name(path, name)
             return _hgt_tile(path, name, archive.read(members[0]))
-    except (BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError):
+    except ZIP_DAMAGE:
         raise InputFileError(f"{path}: a broken zip file; accepted: {ACCEPTED}") from None
 
 

@@ -1,8 +1,10 @@
 """Cursor on Target over TLS against a TAK-like server: certificates right and wrong, and servers that misbehave."""
 
 import asyncio
+import contextlib
 import datetime as dt
 import os
+import zipfile
 
 import pytest
 from tak_server import DAY, Authority, TakServer, p12, package, pem, refusing_server
@@ -228,6 +230,10 @@ BAD_FILES = {
     ),
     "a key alone": ({"client_cert": ""}, "cot_client_key without cot_client_cert"),
     "an empty file": ({"ca": "empty"}, "cot_ca .*empty: empty"),
+    "a password of two kilobytes": (
+        {"client_key": "locked.key", "password_file": "long"},
+        "cot_password_file: password cannot be longer than 1024 bytes",
+    ),
 }
 
 
@@ -235,6 +241,7 @@ BAD_FILES = {
 def test_bad_file_is_one_line_without_the_password(authority, files, names, told):
     (files / "other.key").write_bytes(pem(authority.key))
     (files / "empty").write_bytes(b"")
+    (files / "long").write_text(PASSWORD * 256)
     given = {key: str(files / name) if name else "" for key, name in names.items()}
     with pytest.raises(UserError, match=told) as error:
         make_map_link(unit(files, 8089, **given), lambda *_: None)
@@ -246,5 +253,26 @@ def test_bad_file_is_one_line_without_the_password(authority, files, names, told
 def test_damaged_package_is_one_line(tmp_path, content):
     path = tmp_path / "dp.zip"
     path.write_bytes(content)
+    with pytest.raises(UserError, match=r"cot_package .*: damaged, or not a package"):
+        map_url(MapServer(package=str(path)))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_package_with_any_one_byte_damaged_is_read_or_is_one_line(tmp_path, method):
+    path = tmp_path / "dp.zip"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("unit.pref", '<a><entry key="connectString0">example.org:8089:ssl</entry></a>')
+    content = path.read_bytes()
+    for at in range(len(content)):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 0x55]) + content[at + 1 :])
+        with contextlib.suppress(UserError):
+            map_url(MapServer(package=str(path)))
+
+
+@pytest.mark.parametrize("encoding", ["no-such", "hex", "utf-16"])
+def test_package_in_an_encoding_that_is_not_known_is_one_line(tmp_path, encoding):
+    path = tmp_path / "dp.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("unit.pref", f'<?xml version="1.0" encoding="{encoding}"?><a/>')
     with pytest.raises(UserError, match=r"cot_package .*: damaged, or not a package"):
         map_url(MapServer(package=str(path)))

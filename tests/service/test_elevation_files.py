@@ -1,7 +1,8 @@
 """Elevation files, written by rasterio or by hand, against rasterio's own reading of them."""
 
+from contextlib import suppress
 from math import isnan
-from zipfile import ZipFile
+from zipfile import ZIP_BZIP2, ZIP_DEFLATED, ZIP_LZMA, ZipFile
 
 import numpy as np
 import pytest
@@ -147,6 +148,17 @@ class TestFiles:
             archive.writestr("N47E008.hgt", data.astype(">i2").tobytes())
         (read,) = read_elevation([tmp_path / "N47E008.hgt.zip"])
         assert (read.height_m(0, 5), read.height_m(1200, 1200)) == (5.0, float(data[-1]))
+
+    @pytest.mark.parametrize("method", [ZIP_DEFLATED, ZIP_BZIP2, ZIP_LZMA])
+    def test_zipped_hgt_with_any_one_byte_damaged_is_read_or_is_refused(self, tmp_path, method):
+        path = tmp_path / "N47E008.hgt.zip"
+        with ZipFile(path, "w", method) as archive:
+            archive.writestr("N47E008.hgt", bytes(range(8)))
+        content = path.read_bytes()
+        for at in range(len(content)):
+            path.write_bytes(content[:at] + bytes([content[at] ^ 0x55]) + content[at + 1 :])
+            with suppress(InputFileError):
+                read_elevation([path])
 
     def test_dted_is_read_from_its_north_west(self, tmp_path):
         data = (np.arange(121)[:, None] * 2 + np.arange(121)[None, :] - 100).astype(np.int16)
