@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 from msgspec import Meta
@@ -10,6 +10,8 @@ from msgspec import Meta
 from fwav_companion.types.secrets import SecretUrl
 
 FLEET_NAME = r"^[A-Za-z0-9_.-]{1,64}$"
+OF_THE_FUSION: Final = "fleet"
+"""Name under which fused targets are shown: a vehicle's tracks of this name would hide them."""
 FleetWord = Annotated[str, Meta(pattern=FLEET_NAME, description="letters, digits, _ . -")]
 
 

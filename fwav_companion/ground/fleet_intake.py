@@ -10,7 +10,7 @@ import re
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-from fwav_companion.fleet.options import FLEET_NAME
+from fwav_companion.fleet.options import FLEET_NAME, OF_THE_FUSION
 from fwav_companion.fleet.payloads import (
     MAX_NAME,
     MAX_TRACKS,
@@ -23,8 +23,6 @@ from fwav_companion.fleet.payloads import (
 )
 from fwav_companion.ground.views import MAX_VEHICLES
 
-OF_THE_FUSION = "fleet"
-"""Name under which fused targets are shown: a vehicle's tracks of this name would hide them."""
 MAX_SENDERS = 1000
 """Most names whose refused messages are counted."""
 OFFSETS_KEPT = 120

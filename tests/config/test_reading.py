@@ -147,6 +147,7 @@ FAULTS = {
     "onnx without a model": (f'{BASE}[vision]\ndetector = "onnx"\n', '[vision] model: missing, while detector = "onnx"; accepted: the path of an .onnx file'),
     "pictures of no camera": (f"{BASE}[record]\npictures = 10\n", "[record] pictures = 10: there is no [vision], whose pictures would be kept; accepted: 0"),
     "pictures of another choice": (f'{BASE}[vision]\n[record]\npictures = "all"\n', '[record] pictures = "all": accepted: "detections" | an integer from 0 to 100000'),
+    "a vehicle by the name of the fusion": (f'{BASE}[fleet]\nvehicle = "fleet"\n', '[fleet] vehicle = "fleet": the name of the targets that `ground` fuses; accepted: a name of its own'),
     "a preview for everyone": (f'{BASE}[vision]\npreview = "0.0.0.0:8089"\n', '[vision] preview = "0.0.0.0:8089": beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of 16 characters or more, or 127.0.0.1:PORT'),
     "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
     "a target of another motion": (f'{BASE}[[target]]\nlabel = "a"\nmotion = "moving"\n[tracking]\nfilter = "lowpass"\n', '[[target]] 1 motion = "moving": filter = "lowpass" takes all targets as [tracking] motion; accepted: "static"'),
