@@ -26,7 +26,7 @@ T = TypeVar("T")
 FORMATS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}
 
 
-class _Stamped(msgspec.Struct):
+class _FrameStamp(msgspec.Struct):
     """What the lines of stamps and detections have in common."""
 
     frame: int | None = None
@@ -40,7 +40,7 @@ class _Stamped(msgspec.Struct):
         return None if seconds is None else max(0, round(seconds * 1e6) * 1000)
 
 
-class _StampedPicture(_Stamped):
+class _PictureStamp(_FrameStamp):
     """A line of stamps, with what export reads of it."""
 
     file: str = ""
@@ -51,7 +51,7 @@ class _StampedPicture(_Stamped):
         return self.file.rpartition("/")[2]
 
 
-class _DetectedFrame(_Stamped):
+class _DetectedFrame(_FrameStamp):
     """A line of detections, with what export reads of it."""
 
     detections: msgspec.Raw = msgspec.Raw(b"[]")
@@ -133,13 +133,13 @@ class RecordedFlight:
                 yield line
 
     @cached_property
-    def _stamped(self) -> list[tuple[_StampedPicture, Path]]:
+    def _stamped(self) -> list[tuple[_PictureStamp, Path]]:
         """The stamps of the pictures that exist, with their paths. Read once: three readers want them."""
         if self._folder is None or not (self._folder / STAMPS).is_file():
             return []
         files = (file for file in (self._folder / PICTURES).iterdir() if file.suffix.lower() in FORMATS)
         pictures = {file.name: file for file in files if file.is_file()}  # a pipe would never end
-        stamped = self._decoded(self._folder / STAMPS, msgspec.json.Decoder(_StampedPicture))
+        stamped = self._decoded(self._folder / STAMPS, msgspec.json.Decoder(_PictureStamp))
         return [(each, pictures[each.name]) for each in stamped if each.name in pictures]
 
     def _pictures(self) -> Iterator[Message]:
