@@ -126,12 +126,10 @@ def slipping(seed: int, *, mean_s: float, every_s: float):
     return lambda t: sum(by for at, by in slips if at < t)
 
 
-@pytest.mark.parametrize(("mean_s", "every_s", "claimed_s"), [(0.005, 0.5, 5e-3), (0.03, 3.0, 10e-3)])
-def test_a_clock_that_slips_all_the_time_is_honest(mean_s, every_s, claimed_s):
-    """Instants that lie 0.2 s back, as frames do; 12 flights of a minute. The claim is of a slip between two exchanges,
-    whose instant no exchange shows: a tenth of the time each slip counts, as if it were all error.
-    """
-    squares, sigmas2, worst = [], [], 0.0
+@pytest.mark.parametrize(("mean_s", "every_s"), [(0.005, 0.5), (0.03, 3.0)])
+def test_a_clock_that_slips_all_the_time_is_honest(mean_s, every_s):
+    """Instants that lie 0.2 s back, as frames do; 12 flights of a minute."""
+    squares, worst = [], 0.0
     for seed in range(12):
         wire = Wire(up=LOOPBACK, down=LOOPBACK, drift=slipping(seed, mean_s=mean_s, every_s=every_s), seed=seed)
         for k in range(600):
@@ -139,10 +137,8 @@ def test_a_clock_that_slips_all_the_time_is_honest(mean_s, every_s, claimed_s):
             if k > 100 and k % 3 == 0:
                 error_s, estimate = wire.error_s(0.1 * k - 0.2)
                 squares.append((error_s / estimate.sigma_s) ** 2)
-                sigmas2.append(estimate.sigma_s**2)
                 worst = max(worst, abs(error_s))
-    assert sum(squares) / len(squares) < 2.0
-    assert sqrt(sum(sigmas2) / len(sigmas2)) < claimed_s
+    assert 0.25 < sum(squares) / len(squares) < 2.0
     assert worst < 0.25
     inside = sum(square < 1.96**2 for square in squares) / len(squares)
     assert inside > 0.9

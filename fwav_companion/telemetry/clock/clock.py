@@ -158,9 +158,7 @@ class LinkClock:
         exchanges, watch = self.exchanges, self._watch
         if self.line is not exchanges.line:
             return self._arrivals.late_s
-        assert exchanges.newest_ns is not None  # noqa: S101  (the line has one)
-        suspect_s = exchanges.suspect_s if host_ns > exchanges.newest_ns else 0.0  # the line held until then
-        return max(suspect_s, watch.departure_s, watch.quiet_s(host_ns, exchanges.newest_ns))
+        return max(exchanges.suspect_s, watch.departure_s, watch.quiet_s(host_ns, exchanges.newest_ns))
 
     def _choose_line(self) -> None:
         """Use the line of exchanges, that of arrivals which outlived it, or that of arrivals alone."""

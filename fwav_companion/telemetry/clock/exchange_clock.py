@@ -1,14 +1,14 @@
-"""Estimates offset and rate from TIMESYNC exchanges: lock, suspects, and new segments.
+"""Estimates offset and rate from TIMESYNC exchanges: lock, gate, suspects, and new segments.
 
 An exchange that disagrees is a suspect: noise once, a step when three agree (the popcorn filter of NTP, RFC 5905).
-Until this is decided the claim contains both hypotheses. The line is that of ``exchange_window``.
+Until this is decided the claim contains both hypotheses. The line is fitted in ``exchange_window``.
 """
 
 from __future__ import annotations
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.telemetry.clock.agreement import Exchange, in_agreement, in_line
 from fwav_companion.telemetry.clock.clock_line import ClockLine
+from fwav_companion.telemetry.clock.exchange_fit import Exchange, in_agreement, in_line
 from fwav_companion.telemetry.clock.exchange_window import IN_AGREEMENT, ExchangeWindow
 from fwav_companion.types import ClockExchange
 
@@ -23,13 +23,15 @@ MOST_RATE_STEP = 0.6
 """Largest change of the rate that three exchanges show; a larger one needs IN_LINE of them."""
 RECENT_S = 10.0
 """Time for which a suspect counts as evidence of another line."""
+AGREEING = 2
+"""Number of exchanges within the gate that narrow the band, from which they are no lone errors."""
 
 
 class ExchangeClock:
     """Clock estimate of one link from its exchanges; :attr:`line` is None until three of them agree."""
 
     __slots__ = (
-        "_in_a_row",
+        "_recent",
         "_ref_host_ns",
         "_ref_offset_ns",
         "_suspects",
@@ -44,9 +46,8 @@ class ExchangeClock:
     def __init__(self) -> None:
         self._window: ExchangeWindow | None = None
         self._suspects: list[Exchange] = []
-        """The newest exchanges that contradict the line; before there is one, all."""
-        self._in_a_row = 0
-        """Number of suspects since the last exchange that agreed."""
+        self._recent: list[Exchange] = []
+        """Exchanges of the last RECENT_S that contradict the line: suspects, and those that narrow the band."""
         self._ref_host_ns: HostNs | None = None
         self._ref_offset_ns = 0
         self.line: ClockLine | None = None
@@ -57,7 +58,7 @@ class ExchangeClock:
         self.accepted = 0
         """Number of exchanges that agreed with the segment."""
         self.suspect_s = 0.0
-        """What the newest exchange contradicts, seconds; 0 where it agreed."""
+        """What the newest suspect contradicts, seconds; 0 without one."""
 
     def insert(self, answered: ClockExchange) -> bool:
         """Take one exchange. Returns whether the line changed."""
@@ -69,22 +70,13 @@ class ExchangeClock:
             return self._insert_unlocked(entry)
         if entry.t <= window.newest.t:  # it overtook another
             return False
-        self._suspects = [suspect for suspect in self._suspects if suspect.t > entry.t - RECENT_S]
-        self.suspect_s = window.contradiction(entry)
-        if self.suspect_s == 0.0:
-            self.accepted += 1
-            self._in_a_row = 0
-            if window.accept(entry, self._suspects):
-                self._suspects = []
-            return self._use(window)
+        residual = abs(entry.offset - window.predicted(entry.t))
+        if residual <= window.gate(entry):
+            return self._accept(window, entry)
         self._suspects = [*self._suspects[1 - MOST_SUSPECTS :], entry]
-        self._in_a_row += 1
-        if self._begin_segment(window):
-            return True
-        if not window.bend(self._suspects, window.band):
-            return False
-        self._suspects, self._in_a_row, self.suspect_s = [], 0, 0.0
-        return self._use(window)
+        self.suspect_s = residual
+        self._remember(entry)
+        return self._begin_segment(window) or self._begin_line(window)
 
     @property
     def changed(self) -> bool:
@@ -104,7 +96,7 @@ class ExchangeClock:
     @property
     def in_doubt(self) -> bool:
         """Whether the line may be another than the one in use."""
-        return self._window is None or self._window.in_doubt or self.suspect_s > 0.0
+        return self._window is None or self._window.in_doubt or bool(self._suspects)
 
     @property
     def wants_more(self) -> bool:
@@ -149,36 +141,67 @@ class ExchangeClock:
         chosen = in_line(self._suspects[-MOST_SUSPECTS:], FASTEST, SLOWEST)
         return len(chosen) >= IN_LINE and self._start(chosen, changed=True)
 
+    def _accept(self, window: ExchangeWindow, entry: Exchange) -> bool:
+        """Use an exchange within the gate, unless it alone narrows the band beyond chance."""
+        exchanges = [*window.kept, entry]
+        narrowed_s = window.narrowed_by(entry)
+        if narrowed_s > 0.0:
+            self._remember(entry)
+            if len(self._recent) < AGREEING:
+                self.suspect_s = narrowed_s
+                return False
+            exchanges = self._with_recent(window.kept)
+        self.accepted += 1
+        self._suspects, self.suspect_s = [], 0.0
+        window.accept(exchanges)
+        return self._use(window)
+
     def _begin_segment(self, window: ExchangeWindow) -> bool:
-        """Start a new segment where three suspects in a row agree with one another, the newest included."""
-        row, skew = self._suspects[-self._in_a_row :], window.band.skew
-        if len(row) < IN_AGREEMENT:
+        """Start a new segment where three suspects agree with one another, the newest included."""
+        recent, skew = self._suspects[-IN_AGREEMENT - 1 :], window.fit[1]
+        if len(recent) < IN_AGREEMENT:
             return False
-        chosen = in_line(row[-IN_AGREEMENT - 1 :], skew - MOST_RATE_STEP, min(SLOWEST, skew + MOST_RATE_STEP))
-        if len(chosen) < IN_AGREEMENT or chosen[-1] is not row[-1]:
-            chosen = in_line(row, FASTEST, SLOWEST)
-            if len(chosen) < IN_LINE or chosen[-1] is not row[-1]:
+        chosen = in_line(recent, skew - MOST_RATE_STEP, min(SLOWEST, skew + MOST_RATE_STEP))
+        if len(chosen) < IN_AGREEMENT or chosen[-1] is not recent[-1]:
+            chosen = in_line(self._suspects, FASTEST, SLOWEST)
+            if len(chosen) < IN_LINE or chosen[-1] is not recent[-1]:
                 return False
         self.segment += 1
         return self._start(chosen, changed=True)
 
+    def _begin_line(self, window: ExchangeWindow) -> bool:
+        """Drop what is older than the contradicting exchanges, if those are on one line, with all since the first."""
+        since = self._with_recent([entry for entry in window.kept if entry.t >= self._recent[0].t])
+        if len(self._recent) < IN_AGREEMENT or not window.begin_line(since):
+            return False
+        self._suspects, self._recent, self.suspect_s = [], [], 0.0
+        return self._use(window)
+
     def _start(self, chosen: list[Exchange], *, changed: bool) -> bool:
-        self._suspects, self._in_a_row, self.suspect_s = [], 0, 0.0
+        self._suspects, self._recent, self.suspect_s = [], [], 0.0
         self.accepted, self._window = len(chosen), ExchangeWindow(chosen, changed=changed)
         return self._use(self._window)
 
+    def _remember(self, entry: Exchange) -> None:
+        self._recent = [each for each in self._recent if each.t > entry.t - RECENT_S] + [entry]
+
+    def _with_recent(self, exchanges: list[Exchange]) -> list[Exchange]:
+        """These and the contradicting ones, in order of time."""
+        known = {entry.t for entry in exchanges}
+        return sorted([*exchanges, *(entry for entry in self._recent if entry.t not in known)], key=lambda e: e.t)
+
     def _use(self, window: ExchangeWindow) -> bool:
         """Use the line of this window."""
-        band = window.band
-        self.newest_ns = self._host_ns(band.t)
+        fit = window.fit
+        self.newest_ns = self._host_ns(window.newest.t)
         self.line = ClockLine(
             ref_host_ns=self.newest_ns,
-            offset_ns=self._ref_offset_ns + round(band.offset * NS_PER_S),
-            skew=band.skew,
-            var_offset=band.var_offset,
-            cov_offset_skew=band.cov_offset_skew,
-            var_skew=band.var_skew,
+            offset_ns=self._ref_offset_ns + round(fit[0] * NS_PER_S),
+            skew=fit[1],
+            var_offset=fit[2],
+            cov_offset_skew=fit[3],
+            var_skew=fit[4],
             wander=window.wander,
-            var_bias=max(0.0, 0.5 * band.width) ** 2 / 3.0,  # uniform in half of the least round trip either way
+            var_bias=(0.5 * window.least_delays) ** 2 / 3.0,  # uniform in half of the least round trip either way
         )
         return True
