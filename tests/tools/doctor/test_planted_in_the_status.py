@@ -263,3 +263,13 @@ def test_frames_beyond_the_processor_are_a_warning(healthy):
     (finding,) = planted(healthy, ["dropped", "overload"], healthy.status.intake.came // 3)
     assert (finding.code, finding.level) == ("overload", Level.WARNING)
     assert planted(healthy, ["dropped", "overload"], 3) == []
+
+
+@pytest.mark.parametrize(("differs", "said"), [(True, "runs 0.5 % slow"), (False, "slips")])
+def test_check_names_the_rate_of_a_followed_clock_only_where_it_differs_beyond_its_sigma(healthy, differs, said):
+    status = msgspec.to_builtins(healthy.status)
+    for key, value in {"status": "followed", "skew": 5e-3, "rate_differs": differs}.items():
+        status = altered(status, ["clock", key], value)
+    (finding,) = [each for each in planted_in(healthy, status) if each.code == "clock_followed"]
+    assert said in finding.problem
+    assert ("runs" in finding.problem) is differs
