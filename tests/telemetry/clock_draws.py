@@ -43,6 +43,8 @@ class Kind:
 
 
 CHANGE_S, CHANGED_S = 15.0, 20.0
+MOST_PPM = 50.0
+"""Largest rate of the autopilot's crystal against the host's."""
 AWAY_S = 2.0
 
 KINDS = {
@@ -136,7 +138,7 @@ def drawn(kind: Kind, seed: int) -> World:
     start = rng.uniform(20.0, 3000.0)
     rate = rng.uniform(*kind.rate)
     world = World(kind, rng, asymmetry_s=rng.uniform(*kind.asymmetry_s), late_up=rng.random() < 0.5)
-    ppm = rng.uniform(-50e-6, 50e-6)
+    ppm = rng.uniform(-MOST_PPM, MOST_PPM) * 1e-6
     t, b, knots = 0.0, start, [(0.0, start)]
     for length, speed in (
         [(CHANGE_S, 1.0), (CHANGED_S, rate), (1e4, 1.0)]
@@ -186,6 +188,8 @@ class Flown:
     world: World
     probes: list[tuple[float, float, float, float, float]] = field(default_factory=list)
     """(t, error, sigma, sigma without its asymmetry, error of the published filter), seconds."""
+    arrivals: list[tuple[float, float]] = field(default_factory=list)
+    """(arrival, stamp) of each message, seconds."""
     news: list[ClockNews] = field(default_factory=list)
     three_good_s: float = inf
     """Instant of the third good exchange, or arrival where none is answered."""
@@ -255,6 +259,7 @@ def fly(kind: Kind, seed: int, clock: Clock | None = None) -> Flown:  # noqa: C9
         for at, _, event in due:
             arrival_ns = HostNs(HOST_NS + round(at * 1e6) * 1000)
             if len(event) == 1:
+                flown.arrivals.append((at, int(event[0] * 1e3) * 1e-3))
                 placed = timeline.place(int(event[0] * 1e3), arrival_ns)
                 if world.kind.reboot and at >= CHANGE_S + AWAY_S:
                     flown.heard_again_s = min(flown.heard_again_s, at)

@@ -6,6 +6,7 @@ from math import sqrt
 from statistics import median
 
 from clock_draws import KINDS, Flown, Kind, fly
+from one_way_optimum import least_error_s
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Row:
     half_ms: float
     beyond_ms: float
     """Largest steady error beyond the half asymmetry (one-way: the least delay)."""
+    least_ms: float
+    """The same of an estimator that knows how one-way delays are drawn: none is better in the mean. 0 for exchanges."""
     published_ms: float
 
 
@@ -56,6 +59,7 @@ def tabulated(name: str, draws: int, fly_one: Callable[[Kind, int], Flown] = fly
             for flown in flights
         ),
         beyond_ms=1e3 * max(flown.steady_error_s() for flown in flights),
+        least_ms=1e3 * max(least_error_s(flown) for flown in flights) if kind.answered_until_s < 0.0 else 0.0,
         published_ms=1e3 * median(abs(error) for *_, error in steady),
     )
     return row, flights

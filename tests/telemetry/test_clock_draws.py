@@ -4,7 +4,9 @@ import pytest
 from clock_draws import KINDS
 from clock_rows import Row, tabulated
 
-FEW, MANY = 2, 100
+FEW = 2
+MOST_OF_LEAST = 2.0
+"""Largest error of a one-way clock in errors of an estimator that knows how its delays are drawn."""
 ONE_WAY = [name for name in KINDS if name.startswith("g")]
 TWO_WAY = [name for name in KINDS if name not in ONE_WAY]
 DEFAULT = [
@@ -37,11 +39,12 @@ def test_clock_of_few_draws_holds_its_bounds(name):
     assert row.beyond_ms <= 0.8
 
 
-@pytest.mark.parametrize("name", ["g one-way 4 Hz serial", "g one-way 10 Hz UDP"])
+@pytest.mark.parametrize("name", ONE_WAY)
 def test_one_way_clock_of_few_draws_holds_its_bounds(name):
+    """A radio's ten arrivals of the last ten seconds cannot show the least delay to 0.8 ms at 1 Hz, whoever looks."""
     row, _ = tabulated(name, FEW)
     assert_bounds(row)
-    assert row.beyond_ms <= 0.8
+    assert row.beyond_ms <= max(0.8, MOST_OF_LEAST * row.least_ms)
 
 
 @pytest.mark.slow
