@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fwav_companion.estimation.errors import CAMERA_DELAY, READOUT, Array, Ints
-from fwav_companion.estimation.frame_memory import ReportedMotion
+from fwav_companion.estimation.frame_cache import ReportedMotion
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.measurement import Poses
 from fwav_companion.estimation.path_samples import Carrier

@@ -12,6 +12,7 @@ import numpy as np
 
 from fwav_companion.estimation.array_rotations import rotation_and_jacobian
 from fwav_companion.estimation.errors import CAMERA_DELAY, READOUT, Array, Bools, Ints
+from fwav_companion.estimation.frame_linearisation import linearise
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.live_filter import LiveFilter
 from fwav_companion.estimation.measurement import Poses, feet, project
@@ -62,7 +63,7 @@ def begin_target(live: LiveFilter, target: int, s: Sightings, *, moving: bool) -
         return False
     ground_height, slope = model.ground.height(place)
     point = np.append(place[:, 0], ground_height + prior.height_m)[:, None]
-    found, h = live.linearised(s, one, point)
+    found, h = linearise(live, s, one, point)
     own = found.point[..., 0].copy()
     own[:, :2] += found.point[:, 2:, 0] * slope[:, 0]
     if not found.visible[0] or abs(np.linalg.det(own[:, :2])) < _LEAST_DETERMINANT:

@@ -12,27 +12,24 @@ moves when the rest moves, and does not teach. The cost is linear in their numbe
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
 
-from fwav_companion.estimation.errors import CAMERA_DELAY, POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.errors import POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.frame_linearisation import linearise_pairs
 from fwav_companion.estimation.frame_poses import FramePoses
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, LinearisedPairs, pair_distances
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.measurement import Projection, project
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
-from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import ErrorAgeing, Wander, jump_variance
+from fwav_companion.estimation.wander import ErrorAgeing, Wander, jumps
 
 TEACHING = 10  # targets whose sightings update the error and each other
 _READING_GAP_S, _READING_GATE2 = 0.3, 9.0  # beyond three sigmas a rangefinder sees something else than the ground
-_REACH_SIGMAS = math.sqrt(3.0)  # nodes of the Gauss-Hermite quadrature with three points; each outer one weighs a sixth
 
 
 class LiveFilter:
@@ -44,7 +41,7 @@ class LiveFilter:
     ) -> None:  # fmt: skip
         """Mean (n,) and covariance (n, n) of shared, targets in the order of `ids`, error; the first ten teach.
 
-        curved: 2 unknowns before the error, where the delay is too uncertain for its derivative (`linearised`); else 0.
+        curved: 2 unknowns before the error, where the delay is too uncertain for its derivative (`linearise`); else 0.
         """
         self.model, self.carrier, self.t = model, carrier, t
         self.size = len(model.priors)
@@ -100,13 +97,9 @@ class LiveFilter:
         if t <= self.t:
             return
         self._frame = None
-        keep, added = self.aged(t)
-        e = self.errors
+        e, (keep, added) = self.errors, self.ageing(t)
         if keep.min() < 1.0:
-            self.mean[e] *= keep
-            self.covariance[e] *= keep[:, None]
-            self.covariance[:, e] *= keep
-            self.others.cross[:, :, e] *= keep
+            self._fade(e, keep)
         self.covariance[e, e] += added
         self._change_solution(t)
         self.version += 1
@@ -118,22 +111,23 @@ class LiveFilter:
         self.others.predict(t - self.t)
         self.t = t
 
-    def aged(self, t: float) -> tuple[Array, Array]:
+    def _fade(self, errors: Ints, keep: Array) -> None:
+        """Multiply errors (k,), and their covariances with everything, by factors (k,)."""
+        self.mean[errors] *= keep
+        self.covariance[errors] *= keep[:, None]
+        self.covariance[:, errors] *= keep
+        self.others.cross[:, :, errors] *= keep
+
+    def ageing(self, t: float) -> tuple[Array, Array]:
         """Factor (3,) on the error now and variance (3,) added by the time t, without further sightings."""
         return self._ageing.between(self.t - self._seen_t, max(t, self.t) - self._seen_t)
 
     def steps(self, t: float) -> tuple[Array, float]:
-        """Steps of the report until t that are not taken yet, also such that became known after their instant: the
-        error's jump (3,) m, and the variance that they add, m^2.
+        """Jump (3,) m of the error until t, and its variance, m^2, by steps of the report that are not taken yet.
 
-        The targets stay where they are: the error steps as the report does beyond its velocity.
+        Also such that became known after their instant. The targets stay where they are.
         """
-        jump, variance = np.zeros(3), 0.0
-        for b in self.carrier.path.breaks:
-            if self._stepped_s < b.after <= t:
-                jump[:2] += b.jump or (0.0, 0.0)
-                variance += jump_variance(b, self.model.noise.position_m)
-        return jump, variance
+        return jumps(self.carrier.path.breaks, self._stepped_s, t, self.model.noise.position_m)
 
     def _change_solution(self, t: float) -> None:
         """Go over to the receiver's solution at t: what the best of both has in common stays (`wander.Pieces`)."""
@@ -146,10 +140,7 @@ class LiveFilter:
         common = min(old, new) ** 2
         keep = common / old**2 if old > 0.0 else 1.0
         e = self.errors[:2]
-        self.mean[e] *= keep
-        self.covariance[e] *= keep
-        self.covariance[:, e] *= keep
-        self.others.cross[:, :, e] *= keep
+        self._fade(e, np.full(2, keep))
         self.covariance[e, e] += common * (1.0 - keep) + new**2 - common
         self._wander_as((replace(self.wanders[0], sigma_m=new), self.wanders[1]))
 
@@ -197,27 +188,9 @@ class LiveFilter:
 
     def predict_pairs(self, s: Sightings, detection: Ints, targets: Ints) -> FramePrediction:
         """Innovations of pairs (M,) of a frame's detections and targets. The frame's update uses them again."""
-        pairs = self._pairs(s, detection, targets)
+        pairs = linearise_pairs(self, s, detection, targets)
         self._frame = s, pairs, self._innovations(pairs)
         return self._frame[2]
-
-    def _pairs(self, s: Sightings, detection: Ints, targets: Ints) -> LinearisedPairs:
-        places = self.target_means(targets)
-        ground, slope = self.model.ground.height(places[:2])
-        point = np.stack([places[0], places[1], places[2] + ground])
-        found, h = self.linearised(s, detection, point)
-        base, own = h.swapaxes(1, 2).copy(), found.point.copy()  # (2, M, n), (2, 3, M)
-        own[:, :2] += found.point[:, 2:] * slope
-        for i, k in enumerate(targets.tolist()):
-            if k in self.at:
-                base[:, i, self.at[k] : self.at[k] + TARGET_SIZE] = own[..., i]
-        own_noise = None if s.own_noise is None else s.own_noise.take(detection, -1)
-        noise = common_noise(found, self.model.noise, own_noise)
-        if own_noise is not None:
-            noise = np.concatenate([noise, found.point * own_noise[[1, 1, 2]]], 1)
-        return LinearisedPairs(
-            detection, targets, found.residual, found.visible, base, own, noise.swapaxes(1, 2), self.mean.copy(), places
-        )
 
     def _innovations(self, pairs: LinearisedPairs) -> FramePrediction:
         """Innovations at the present means, which have moved little since the pairs were linearised."""
@@ -235,24 +208,6 @@ class LiveFilter:
         return FramePrediction(
             pairs.detection, pairs.target, residual, covariance, distance2, log_det, pairs.visible
         )  # fmt: skip
-
-    def linearised(self, s: Sightings, detection: Ints, point: Array) -> tuple[Projection, Array]:
-        """Detections (M,) of a frame at points (3, M): the projection, and derivatives (2, n, M) by the base state."""
-        rays, tangents, row = s.rays.take(detection, -1), s.tangents.take(detection, -1), s.row.take(detection)
-        shared, error = self.mean[: self.size], self.mean[self.errors, None]
-        found = project(self.poses.of(s, detection), rays, tangents, shared, point, error, row)
-        h = np.zeros((2, len(self.mean), len(detection)))
-        h[:, : self.size], h[:, self.error :] = found.shared, found.point
-        if self.curved:
-            # A delay's displacements (2, M) beyond its derivative: over one beat of a shaking vehicle they are as large
-            # as what the derivative says. Even and odd in the delay, each with a variance of one.
-            reach, beyond = _REACH_SIGMAS * float(self.covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5, []
-            for later in (reach, -reach):
-                there = project(self.poses.of(s, detection, later), rays, tangents, shared, point, error, row)
-                off = found.residual - there.residual - later * found.shared[:, CAMERA_DELAY]
-                beyond.append(np.where(there.visible & found.visible, off, 0.0) * (0.5 / _REACH_SIGMAS))
-            h[:, self.error - 2], h[:, self.error - 1] = beyond[0] + beyond[1], beyond[0] - beyond[1]
-        return found, h
 
     def replay(self, frames: Sequence[Sightings]) -> None:
         """Take frames that came since the solve's start; their poses are found together."""
@@ -277,7 +232,7 @@ class LiveFilter:
         if frame is not None and frame[0] is s:
             pairs = frame[1].of(detection, targets)
         if pairs is None:
-            pairs = self._pairs(s, detection, targets)
+            pairs = linearise_pairs(self, s, detection, targets)
         teaches = np.array([k in self.at for k in pairs.target.tolist()], np.bool_)
         for which in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
             if not len(which):

@@ -12,7 +12,7 @@ import numpy as np
 from fwav_companion.estimation.array_rotations import matrices
 from fwav_companion.estimation.attitudes import Attitudes
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.frame_memory import FoundOnce, ReportedMotion
+from fwav_companion.estimation.frame_cache import FrameCache, ReportedMotion
 from fwav_companion.estimation.measurement import Poses
 from fwav_companion.estimation.path_axis import VELOCITY_NOISE, PathAxis
 from fwav_companion.estimation.range_readings import RangeReadings
@@ -197,8 +197,8 @@ class Carrier:
         self.attitudes = attitudes if gimbal is None else gimbal
         self.yaw_from_north = False  # the gimbal's attitudes: about north instead
         self.ranges = RangeReadings()
-        self.frames: FoundOnce[Poses] = FoundOnce()
-        self.motions: FoundOnce[ReportedMotion] = FoundOnce()
+        self.frames: FrameCache[Poses] = FrameCache()
+        self.motions: FrameCache[ReportedMotion] = FrameCache()
         self._motion_shares: dict[bool, Array] = {}  # of the body's rates, of the gimbal's
 
     def copy(self, span: Span = ALL) -> Carrier:

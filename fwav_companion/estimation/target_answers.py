@@ -38,7 +38,7 @@ def target_answers(live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
 
 def _vehicle_rows(live: LiveFilter, t: float, velocity: Array) -> tuple[Array, Array]:
     """Rows (3, n): apparent minus true vehicle (north, east, up) by the base state; variance (3,) added by then."""
-    keep, added = live.aged(t)
+    keep, added = live.ageing(t)
     rows = np.zeros((TARGET_SIZE, len(live.mean)))
     rows[_AXES, live.errors] = keep
     rows[:, POSITION_DELAY] = -velocity

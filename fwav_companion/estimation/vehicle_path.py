@@ -95,8 +95,9 @@ class VehiclePath:
         """Find the noise of heights and velocities by the data, at instants of the telemetry alone: a frame that comes
         late, and the solve that it begins, must not change the filters of the others.
         """
-        if self._adapts_at is None or t < self._adapts_at:
-            self._adapts_at = self._adapts_at or t + _FIRST_ADAPTATION_S
+        if self._adapts_at is None:
+            self._adapts_at = t + _FIRST_ADAPTATION_S
+        if t < self._adapts_at:
             return
         self._adapts_at = t + _ADAPTATION_S
         self.samples.step_s = float(np.median(np.diff(self.samples.buffer.times[-400:])))

@@ -35,6 +35,8 @@ _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the 
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
+_KEPT = np.ones(3)
+_LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6  # of an error without a wander, and after the longest gap
 _UNMEASURED_M_S2 = 3.0  # a small vehicle that banks at 17 degrees
 _LEAST_JUMP_M = 0.1  # one sigma of a jump at least: steps of the format, and reports of one instant that differ
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
@@ -153,10 +155,6 @@ class ErrorAgeing:
         )
 
 
-_KEPT = np.ones(3)
-_LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6
-
-
 def step_variance(b: PathBreak) -> float:
     """Variance (m^2) of the constant by which the error steps at a break."""
     return max(_LEAST_STEP_M, 4.0 * b.step_m) ** 2
@@ -171,6 +169,19 @@ def jump_variance(b: PathBreak, noise_m: float) -> float:
         return step_variance(b)
     moved_m = _UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
     return 2.0 * noise_m**2 + moved_m**2 + _LEAST_JUMP_M**2
+
+
+def jumps(breaks: list[PathBreak], since_s: float, until_s: float, noise_m: float) -> tuple[Array, float]:
+    """Jump (3,) m of the error by the report's steps in a span of time, and its variance, m^2.
+
+    The error steps as the report does beyond its velocity.
+    """
+    jump, variance = np.zeros(3), 0.0
+    for b in breaks:
+        if since_s < b.after <= until_s:
+            jump[:2] += b.jump or (0.0, 0.0)
+            variance += jump_variance(b, noise_m)
+    return jump, variance
 
 
 # Gaps between knots by their age, both s: dense where the error now is estimated, sparse where it only carries places.

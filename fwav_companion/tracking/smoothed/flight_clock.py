@@ -20,25 +20,22 @@ class FlightClock:
         self._boots: list[tuple[int, int]] = []
         """Of each boot: host's minus autopilot's clock at its newest frame, and what is added to its stamps, ns."""
 
-    def follow(self, boot_ns: BootNs, host_ns: HostNs) -> bool:
-        """Take a frame's capture on both clocks. Returns whether it is the first one after a reboot."""
+    def follow(self, boot_ns: BootNs, host_ns: HostNs) -> tuple[int, bool]:
+        """Take a frame's capture on both clocks: what is added to the stamps of its boot, ns, and whether the autopilot
+        has rebooted since the frame before.
+        """
         behind_ns, boots = host_ns - boot_ns, self._boots
         if not boots:
             boots.append((behind_ns, 0))
-            return False
         last_ns, added_ns = boots[-1]
         if behind_ns - last_ns >= REBOOT_NS:
             boots.append((behind_ns, added_ns + behind_ns - last_ns))
             del boots[:-MOST_BOOTS]
-            return True
-        if last_ns - behind_ns < REBOOT_NS:  # else a late frame from before the reboot
-            boots[-1] = behind_ns, added_ns
-        return False
-
-    def added_ns(self, boot_ns: BootNs, host_ns: HostNs) -> int:
-        """What is added to the stamps of a frame with this capture, ns: that of its boot."""
-        behind_ns = host_ns - boot_ns
-        return min(self._boots, key=lambda boot: abs(boot[0] - behind_ns))[1]
+            return boots[-1][1], True
+        if last_ns - behind_ns >= REBOOT_NS:  # a late frame from before the reboot
+            return min(boots, key=lambda boot: abs(boot[0] - behind_ns))[1], False
+        boots[-1] = behind_ns, added_ns
+        return added_ns, False
 
     def seconds(self, boot_ns: BootNs) -> float:
         """An instant of the present boot, s."""

@@ -229,10 +229,10 @@ class SmoothedTracker:
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
-        state = self._state
-        if self._clock.follow(view.boot_ns, view.host_ns):
+        state, (added_ns, rebooted) = self._state, self._clock.follow(view.boot_ns, view.host_ns)
+        if rebooted:
             self._samples.rewind()
-        t = s_from_ns(view.boot_ns + (added_ns := self._clock.added_ns(view.boot_ns, view.host_ns)))
+        t = s_from_ns(view.boot_ns + added_ns)
         if view.fixes and view.fixes[0].sighting.relative != state.relative:
             state = self._restart(relative=not state.relative)
         estimator, self._host_ns = state.estimator, view.host_ns

@@ -19,23 +19,23 @@ class ReportedMotion(NamedTuple):
         return self.position + self.velocity * (t - self.t)
 
 
-_Found = TypeVar("_Found")
-_FOUND_KEPT = 512  # half a second at 240 frames/s, as late as a frame comes; two a frame
+_Value = TypeVar("_Value")
+_MOST = 512  # half a second at 240 frames/s, as late as a frame comes; two a frame
 
 
-class FoundOnce(Generic[_Found]):
+class FrameCache(Generic[_Value]):
     """What was found for the newest frames, by the frame's stamp and whatever else it depends on."""
 
     def __init__(self) -> None:
-        self._found: dict[object, _Found] = {}
+        self._values: dict[object, _Value] = {}
 
-    def get(self, key: object) -> _Found | None:
+    def get(self, key: object) -> _Value | None:
         """What was found; None where it was not yet, or too long ago."""
-        return self._found.get(key)
+        return self._values.get(key)
 
-    def keep(self, key: object, found: _Found) -> _Found:
+    def keep(self, key: object, value: _Value) -> _Value:
         """Keep it, and return it."""
-        self._found[key] = found
-        if len(self._found) > _FOUND_KEPT:
-            del self._found[next(iter(self._found))]
-        return found
+        self._values[key] = value
+        if len(self._values) > _MOST:
+            del self._values[next(iter(self._values))]
+        return value
