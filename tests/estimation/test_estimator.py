@@ -165,6 +165,18 @@ def test_height_near_the_ground_is_not_drawn_upward_by_noise_of_the_velocities()
     assert np.mean(squares) < 2.5
 
 
+def test_error_of_a_target_out_of_view_ages_alike_in_many_steps_and_in_one():
+    planted = Planted(TURNS, wander_m=1.0, position_noise_m=0.05)
+    live = flown(planted, priors()).live
+    steps, whole = live.copy(), live.copy()
+    for k in range(200):
+        steps.predict(live.t + 0.1 * (k + 1))
+    whole.predict(live.t + 20.0)
+    e = np.ix_(live.errors, live.errors)
+    assert steps.covariance[e] == pytest.approx(whole.covariance[e], rel=1e-6)
+    assert whole.covariance[e][0, 0] > live.covariance[e][0, 0] + 0.03
+
+
 def test_consider_mode_keeps_the_configuration_and_claims_its_priors():
     planted = Planted(TURNS, np.zeros(13))
     estimator = flown(planted, priors(), consider=True)
