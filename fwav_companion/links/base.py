@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Protocol, TypeAlias
 
-from fwav_companion.links.fair_frame_queue import Origin
+from fwav_companion.fair_queues import Origin
 from fwav_companion.types.network_status import LinkReport
 
 DRAIN_LIMIT = 64

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TypeAlias
 
-Origin: TypeAlias = tuple[str, str]
-"""(link, host) from which forwarded frames came; the host is "" where the link has only one peer."""
+from fwav_companion.fair_queues import FrameQueues, Origin
 
 V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
 V1_AROUND, V2_AROUND = 8, 12
@@ -16,10 +14,6 @@ SIGNED_FLAG = 0x01
 """Bit of a v2 frame's third byte."""
 PIECE_BYTES = 280
 """Bytes that leave in one go: the longest frame. A read of a flood is 32 kB, six seconds of a line at 57600 baud."""
-MOST_HOSTS = 16
-"""Hosts of one link with a queue of their own: more than a vehicle has stations. Beyond it, newcomers of the link share
-one: strangers with any number of addresses take no turn of another link, such as the autopilot's."""
-_OTHERS = "others"
 HELD: Origin = ("", "held")
 """Origin of frames that the router held back."""
 
@@ -33,63 +27,44 @@ class FairFrameQueue:
     """
 
     def __init__(self) -> None:
-        self.bytes = 0
-        """Bytes of all frames that wait."""
         self._own: deque[bytes] = deque()
-        self._forwarded: dict[Origin, deque[bytes]] = {}
-        """Queues that are not empty, in the order of their turns."""
-        self._bytes_of: dict[Origin, int] = {}
+        self._own_bytes = 0
+        self._forwarded = FrameQueues()
+
+    @property
+    def total_bytes(self) -> int:
+        """Bytes of all frames that wait."""
+        return self._own_bytes + self._forwarded.total_bytes
 
     def put(self, data: bytes, origin: Origin | None) -> None:
         """Add whole frames. ``origin``: None for the service's own."""
-        self.bytes += len(data)
         if origin is None:
             self._own.append(data)
+            self._own_bytes += len(data)
             return
-        if origin not in self._forwarded and sum(link == origin[0] for link, _ in self._forwarded) >= MOST_HOSTS:
-            origin = (origin[0], _OTHERS)
-        queue = self._forwarded.setdefault(origin, deque())
-        if len(data) <= PIECE_BYTES:
-            queue.append(data)
-        else:
-            queue.extend(pieces(data))
-        self._bytes_of[origin] = self._bytes_of.get(origin, 0) + len(data)
+        for piece in pieces(data) if len(data) > PIECE_BYTES else (data,):
+            self._forwarded.put(origin, piece)
 
     def take(self) -> bytes:
         """Remove and return the frames that leave next; b"" if none wait."""
-        if self._own:
-            data = self._own.popleft()
-            self.bytes -= len(data)
-            return data
-        if not self._forwarded:
-            return b""
-        origin = next(iter(self._forwarded))
-        data = self._remove(origin)
-        if origin in self._forwarded:
-            self._forwarded[origin] = self._forwarded.pop(origin)
-        return data
+        return self._take_own() if self._own else self._forwarded.take() or b""
 
     def drop(self) -> None:
         """Remove the frames whose loss costs least."""
         if self._forwarded:
-            self._remove(max(self._bytes_of, key=self._bytes_of.__getitem__))
+            self._forwarded.drop()
         elif self._own:
-            self.bytes -= len(self._own.popleft())
+            self._take_own()
 
     def clear(self) -> None:
         """Remove all."""
         self._own.clear()
+        self._own_bytes = 0
         self._forwarded.clear()
-        self._bytes_of.clear()
-        self.bytes = 0
 
-    def _remove(self, origin: Origin) -> bytes:
-        queue = self._forwarded[origin]
-        data = queue.popleft()
-        self.bytes -= len(data)
-        self._bytes_of[origin] -= len(data)
-        if not queue:
-            del self._forwarded[origin], self._bytes_of[origin]
+    def _take_own(self) -> bytes:
+        data = self._own.popleft()
+        self._own_bytes -= len(data)
         return data
 
 

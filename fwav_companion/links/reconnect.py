@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 import msgspec
 
 from fwav_companion.errors import LinkError
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import (
     Connection,
     Link,
@@ -20,7 +21,6 @@ from fwav_companion.links.base import (
     Opener,
     Traffic,
 )
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 from fwav_companion.types.network_status import LinkReport
 

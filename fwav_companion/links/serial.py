@@ -18,8 +18,8 @@ from serial.tools import list_ports
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import LinkError
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import STREAM_READ_BYTES, Connection, LinkReceiver
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.types.network_status import LinkReport

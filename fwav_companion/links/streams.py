@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import LinkReceiver
-from fwav_companion.links.fair_frame_queue import PIECE_BYTES, FairFrameQueue, Origin, length_at
+from fwav_companion.links.fair_frame_queue import PIECE_BYTES, FairFrameQueue, length_at
 
 
 class FrameCutter:
@@ -60,7 +61,7 @@ class BoundedWriter:
         left = data if self._watching else self._write_now(data, divides=origin is not None)
         if left:
             self._waiting.put(left, origin)
-        while self._waiting.bytes > self._capacity:
+        while self._waiting.total_bytes > self._capacity:
             self._waiting.drop()
             self._receiver.traffic.dropped += 1
         self._watch()
@@ -84,7 +85,7 @@ class BoundedWriter:
 
     def _write_on(self) -> None:
         """Write until nothing is left or the system accepts no more."""
-        while self._begun or self._waiting.bytes:
+        while self._begun or self._waiting.total_bytes:
             if not self._begun:
                 self._begun = self._waiting.take()
             written = self._written(self._begun)
@@ -108,7 +109,7 @@ class BoundedWriter:
 
     def _watch(self) -> None:
         """Register with the loop while something is left to write, and unregister afterwards."""
-        wanted = bool(self._begun or self._waiting.bytes)
+        wanted = bool(self._begun or self._waiting.total_bytes)
         if wanted and not self._watching:
             self._loop.add_writer(self._fd, self._write_on)
         elif self._watching and not wanted:

@@ -7,8 +7,8 @@ import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, LinkReceiver, Opener
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.places import MAX_PLACES, YIELDS_AFTER_S, Places
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port

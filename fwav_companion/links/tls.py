@@ -15,8 +15,8 @@ from typing import Final
 
 from fwav_companion.addresses import resolve
 from fwav_companion.errors import LinkError
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import Connection, LinkReceiver
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.tcp import CONNECT_WAIT_S, QUEUE_BYTES, connected
 from fwav_companion.links.url import TlsUrl
 from fwav_companion.types.network_status import LinkReport

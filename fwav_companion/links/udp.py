@@ -10,8 +10,8 @@ import errno
 import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
+from fwav_companion.fair_queues import Origin
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, SLICE_BYTES, Connection, LinkReceiver
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.links.udp_clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport

@@ -6,8 +6,9 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 
+from fwav_companion.fair_queues import Origin
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.links.fair_frame_queue import HELD, Origin
+from fwav_companion.links.fair_frame_queue import HELD
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.mavlink.router.node import PassedRequest, Received
 from fwav_companion.service.camera_desk import CameraDesk

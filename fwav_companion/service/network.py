@@ -9,9 +9,9 @@ from fwav_companion.config import Config
 from fwav_companion.config.room_options import link_policies, signing_policy
 from fwav_companion.config.rules import CAMERA_COMPONENT_ID
 from fwav_companion.errors import ConfigError, EncodeError
+from fwav_companion.fair_queues import Origin
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
-from fwav_companion.links.fair_frame_queue import Origin
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.mavlink.wire.definitions import BY_NAME

@@ -26,7 +26,7 @@ def test_messages_of_a_vehicle_are_served_in_their_order():
     assert mail
     assert [mail.take()[2][:2] for _ in range(3)] == [b"\0\0", b"\0\1", b"\0\2"]
     assert mail.take() is None
-    assert mail.bytes == 0
+    assert mail.total_bytes == 0
 
 
 def test_a_vehicle_that_floods_delays_no_other_by_more_than_one_message():
@@ -40,7 +40,7 @@ def test_what_is_too_much_is_dropped_from_the_one_that_holds_most():
     mail = Mailbox(KNOWN.__contains__, most_bytes=100 * SIZE)
     filled(mail, "1", 3)
     filled(mail, "2", 1000)
-    assert mail.bytes <= 100 * SIZE
+    assert mail.total_bytes <= 100 * SIZE
     assert mail.dropped >= 900
     assert served(mail, 6).count("1") == 3
 
@@ -51,6 +51,6 @@ def test_invented_names_share_one_turn_and_the_bounded_bytes(length: int):
     filled(mail, "1", 2)
     for number in range(5000):
         mail.put(f"{number:0{length}d}", "state", b"{}")
-    assert mail.bytes <= 100 * SIZE
+    assert mail.total_bytes <= 100 * SIZE
     assert "1" in served(mail, 2)
     assert "1" in served(mail, 2)

@@ -4,7 +4,8 @@ import struct
 
 from fastcrc.crc16 import mcrf4xx
 
-from fwav_companion.links.fair_frame_queue import MOST_HOSTS, PIECE_BYTES, FairFrameQueue, pieces
+from fwav_companion.fair_queues import MOST_HOSTS
+from fwav_companion.links.fair_frame_queue import PIECE_BYTES, FairFrameQueue, pieces
 
 FLOOD, STATION = ("ground", "10.0.0.66"), ("ground", "10.0.0.2")
 
@@ -20,12 +21,12 @@ def drained(waiting: FairFrameQueue) -> list[bytes]:
     taken = []
     while data := waiting.take():
         taken.append(data)
-    assert waiting.bytes == 0
+    assert waiting.total_bytes == 0
     return taken
 
 
 def shed(waiting: FairFrameQueue, capacity: int) -> None:
-    while waiting.bytes > capacity:
+    while waiting.total_bytes > capacity:
         waiting.drop()
 
 

@@ -233,7 +233,7 @@ def test_the_tables_are_bounded():
 
 # Transfers.
 
-VEHICLE = (0, "")
+VEHICLE = ("autopilot", "")
 """The autopilot's link."""
 
 
@@ -269,7 +269,7 @@ def test_what_is_held_is_bounded_and_forgotten_with_the_link():
     limiter = LinkLimiter({}, max_bytes_per_s=500.0)
     for _ in range(3000):
         limiter.holds(NUMBERS["LOG_DATA"], bytes(100), VEHICLE, at(0))
-    assert limiter._held._bytes <= MAX_HELD_BYTES
+    assert limiter._held._queues.total_bytes <= MAX_HELD_BYTES
     limiter.disconnect()
     assert not limiter.holds_any
 
@@ -284,7 +284,7 @@ def test_a_transfer_of_strangers_delays_that_of_the_vehicle_by_its_turns_and_cos
     for step in range(5000):
         now = at(step * 0.002)
         for k in range(40):
-            limiter.holds(NUMBERS["LOG_DATA"], b"x" * 37, (1, f"10.0.0.{k % strangers}"), now)
+            limiter.holds(NUMBERS["LOG_DATA"], b"x" * 37, ("ground", f"10.0.0.{k % strangers}"), now)
         if step > 2500 and waiting:
             held = limiter.holds(NUMBERS["PARAM_VALUE"], waiting[0], VEHICLE, now)
             arrived += [] if held else [waiting[0]]

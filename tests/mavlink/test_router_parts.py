@@ -122,7 +122,7 @@ def test_one_sample_is_awaited_once_for_three_seconds():
 # Held transfers.
 
 
-FROM = (0, "10.0.0.1")
+FROM = ("ground", "10.0.0.1")
 
 
 def test_transfers_leave_in_order_at_six_tenths_of_the_budget():

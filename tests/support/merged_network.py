@@ -12,8 +12,9 @@ from typing import Any
 from configured_links import AUTOPILOT, GROUND, TABLET
 
 from fwav_companion.config import parse
+from fwav_companion.fair_queues import Origin
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
-from fwav_companion.links.fair_frame_queue import HELD, Origin
+from fwav_companion.links.fair_frame_queue import HELD
 from fwav_companion.mavlink.router.node import Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.network import Outbox, make_node

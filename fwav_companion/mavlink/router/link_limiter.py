@@ -20,9 +20,10 @@ from collections.abc import Mapping
 from math import inf
 from typing import Final
 
+from fwav_companion.fair_queues import Origin
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
-from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers, Origin
+from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers
 from fwav_companion.mavlink.router.link_load import LoadMeter, StreamKey, common_rate
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter

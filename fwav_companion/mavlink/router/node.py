@@ -305,7 +305,7 @@ class Node:
         for out in outs:
             if only_ours and out.merges_rate_requests:
                 out.limiter.refuse(key, Why.ONLY_OURS)
-            elif out.limiter.holds(msgid, frame.data, (port.index, port.source), now):
+            elif out.limiter.holds(msgid, frame.data, (port.name, port.source), now):
                 self._release_ns[out.name] = out.limiter.release_at(now)
             elif out.limiter.passes(key, size, now):
                 received.forwards.append((out.name, frame.data))
