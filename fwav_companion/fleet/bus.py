@@ -94,7 +94,7 @@ class FleetBus:
         self._subscription: tuple[OnMessage, OnAlive] | None = None
         self._mail: Mailbox | None = None
         self._lock = threading.Lock()
-        """Held while the mailbox is used, and its reader is woken."""
+        """Held while the mailbox is used, its reader is woken, or tokens are counted."""
         self._reading = False
 
     def start(self) -> None:
@@ -222,14 +222,18 @@ class FleetBus:
 
     def _hand_over(self, work: Callable[[], None]) -> None:
         """Run the work in the event loop. Called on a thread of Zenoh."""
-        if self._tokens_waiting >= MAX_TOKENS or self._loop is None:
-            return
+        with self._lock:
+            loop = self._loop
+            if self._tokens_waiting >= MAX_TOKENS or loop is None:
+                return
+            self._tokens_waiting += 1
 
         def run() -> None:
-            self._tokens_waiting -= 1
+            with self._lock:
+                self._tokens_waiting -= 1
             work()
 
-        self._tokens_waiting += _call_soon(self._loop, run)
+        _call_soon(loop, run)  # outside the lock: the loop may run it before this returns
 
 
 def _call_soon(loop: asyncio.AbstractEventLoop, work: Callable[[], None]) -> bool:

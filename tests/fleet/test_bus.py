@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from processes import Process, free_port
 zenoh = pytest.importorskip("zenoh")
 
 from fwav_companion.errors import UserError
+from fwav_companion.fleet import bus as bus_module
 from fwav_companion.fleet.bus import BusPlace, FleetBus
 from fwav_companion.fleet.payloads import StateMessage, encoded
 from fwav_companion.ground.fleet_input import FleetInput
@@ -105,6 +106,63 @@ def test_a_ground_process_that_listens_may_end_and_come_back():
         await until(lambda: said(picture, "left the fleet"))
 
     run(story)
+
+
+class PromptLoop:
+    """An event loop that runs what another thread hands over before that thread goes on."""
+
+    def call_soon_threadsafe(self, work: Callable[[], None]) -> None:
+        work()
+
+
+def test_tokens_that_the_loop_runs_at_once_are_all_passed_on(monkeypatch):
+    """Each of them left the count of those that wait one too high: after 4096 no change of a token was passed on."""
+    monkeypatch.setattr(bus_module, "MAX_TOKENS", 3)
+    bus, ran = FleetBus(BusPlace("t"), lambda *_: None), []
+    bus._loop = PromptLoop()
+    for number in range(10):
+        bus._hand_over(lambda number=number: ran.append(number))
+    assert ran == list(range(10))
+
+
+def test_flood_of_messages_is_read_in_turns_that_leave_the_loop_to_others(monkeypatch):
+    """Each reading of the CPU's clock is 1 ms: a turn of 8 ms has at most eight messages. All come, in their order."""
+    cpu_ms, turns, most = count(), [], 200
+    monkeypatch.setattr(bus_module.time, "thread_time", lambda: next(cpu_ms) / 1000.0)
+
+    async def story() -> None:
+        bus, taken = FleetBus(BusPlace("t"), lambda *_: None), []
+        bus.subscribe(lambda vehicle, kind, data: taken.append(data), lambda *_: None, lambda vehicle: True)
+        bus._loop = asyncio.get_running_loop()
+        for number in range(most):
+            bus._deliver("1", "tracks", bytes([number]))
+        async with asyncio.timeout(WITHIN_S):
+            while len(taken) < most:
+                turns.append(len(taken))
+                await asyncio.sleep(0)
+        assert taken == [bytes([number]) for number in range(most)]
+
+    asyncio.run(story())
+    assert max(later - earlier for earlier, later in pairwise(turns)) <= 8
+
+
+def test_messages_that_were_left_out_are_shown_until_ten_seconds_after_the_last():
+    picture = GroundPicture()
+    ground = FleetInput(BusPlace("t"), picture, clock=lambda: NOW)
+
+    def shown(now: float) -> tuple[bool, str]:
+        ground.tick(now)
+        (source,) = picture.update_since(0, now).sources
+        return source.works, source.text
+
+    ground._on_state(True, "")
+    assert shown(NOW) == (True, "open")
+    for _ in range(20):
+        ground._bus._mail.put("1", "tracks", bytes(1_000_000))
+    left_out = f"more messages come than can be handled: {ground._bus.dropped} were left out"
+    assert ground._bus.dropped > 0
+    assert shown(NOW + 1.0) == shown(NOW + 10.5) == (False, left_out)
+    assert shown(NOW + 11.5) == (True, "open")
 
 
 def said(picture: GroundPicture, words: str) -> bool:
