@@ -7,5 +7,8 @@ from lzma import LZMAError
 from typing import Final
 from zipfile import BadZipFile
 
-ZIP_DAMAGE: Final = (BadZipFile, zlib.error, LZMAError, NotImplementedError, RuntimeError, EOFError)
-"""OSError apart, which names a path, or the damage of bzip2."""
+ZIP_DAMAGE: Final = (
+    BadZipFile, zlib.error, LZMAError, UnicodeDecodeError, NotImplementedError, RuntimeError, EOFError,
+)  # fmt: skip
+"""All but OSError, which bzip2 raises for damage and the file system for a path. UnicodeDecodeError: a name in the zip
+file that claims to be UTF-8."""

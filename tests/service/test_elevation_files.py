@@ -160,6 +160,14 @@ class TestFiles:
             with suppress(InputFileError):
                 read_elevation([path])
 
+    def test_zipped_hgt_whose_name_is_not_the_utf_8_that_it_claims_is_refused(self, tmp_path):
+        path = tmp_path / "N47E008.hgt.zip"
+        with ZipFile(path, "w") as archive:
+            archive.writestr("ä47E008.hgt", bytes(8))
+        path.write_bytes(path.read_bytes().replace("ä".encode(), b"\xff\xff"))
+        with pytest.raises(InputFileError, match="a broken zip file"):
+            read_elevation([path])
+
     def test_dted_is_read_from_its_north_west(self, tmp_path):
         data = (np.arange(121)[:, None] * 2 + np.arange(121)[None, :] - 100).astype(np.int16)
         step = 1.0 / 120.0
