@@ -147,7 +147,7 @@ def test_a_read_allocates_what_came_and_not_the_largest_datagram(peer: socket.so
                 peer.sendto(b"x" * 1000, sock.getsockname())
             tracemalloc.start()
             try:
-                while len(heard) < 20 and sum(map(len, heard)) < 20_000:
+                for _ in range(20):  # each reads one datagram at the least
                     link.poll()
                 peak = tracemalloc.get_traced_memory()[1]
             finally:
