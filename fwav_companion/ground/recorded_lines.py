@@ -77,8 +77,9 @@ class RecordedLines:
     def _on_target(self, line: TargetLine, now: float) -> None:
         if line.relative is not None and self._plane is not None:
             self._on_vehicle(self._plane, line, line.relative, now)
-        if line.lat is None or line.lon is None:
+        if line.lat_lon is None:
             return
+        lat, lon = line.lat_lon
         identity = f"{VEHICLE}/{line.track}"
         cov = line.cov
         view = TargetView(
@@ -87,8 +88,8 @@ class RecordedLines:
             track=str(line.track),
             label=line.label,
             state=line.state,
-            lat=line.lat,
-            lon=line.lon,
+            lat=lat,
+            lon=lon,
             alt_amsl=line.alt_amsl,
             ellipse=ellipse_of(cov),
             radius95_m=radius_95(cov),

@@ -177,6 +177,13 @@ def test_nothing_found_and_no_position_are_whole_files_too(suffix):
             assert all(feature["geometry"] is None for feature in read["features"])
 
 
+@pytest.mark.parametrize("suffix", [".geojson", ".kml", ".gpx"])
+@pytest.mark.parametrize("missing", ["lat", "lon"])
+def test_latitude_or_longitude_alone_is_no_position(suffix, missing):
+    half = msgspec.structs.replace(target(), **{missing: None})
+    assert exported(suffix, half) == exported(suffix, msgspec.structs.replace(half, lat=None, lon=None))
+
+
 @pytest.mark.parametrize("name", ["targets", "targets.shp", ".kml"])
 def test_another_form_is_refused_with_what_is_accepted(name):
     with pytest.raises(InputFileError, match=r"accepted: \.geojson, \.kml, \.csv"):

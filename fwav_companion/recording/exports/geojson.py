@@ -25,7 +25,7 @@ class GeoJsonExport(MapExport):
     def _features(self, name: str, number: int, track: ExportedTrack) -> Iterator[JsonObject]:
         last, known = track.last, {"name": name, "track": number}
         # A target without a global position has no geometry; its place from the point below the camera is a property.
-        point = None if last.lat is None else {"type": "Point", "coordinates": [last.lon, last.lat]}
+        point = None if last.lat_lon is None else {"type": "Point", "coordinates": last.lat_lon[::-1]}
         yield _feature(point, {**known, "what": "target", **_properties(last)})
         outline = self.outline(last)
         if outline:

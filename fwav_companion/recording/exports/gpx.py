@@ -16,10 +16,10 @@ class GpxExport(MapExport):
     def content(self) -> bytes:
         """The file after the last line; waypoints first, as the schema demands."""
         root = Element("gpx", xmlns=NAMESPACE, version="1.1", creator="fwav-companion")
-        placed = [(name, track) for name, _, track in self.tracks() if track.last.lat is not None]
-        for name, track in placed:
+        placed = [(name, track, at) for name, _, track in self.tracks() if (at := track.last.lat_lon) is not None]
+        for name, track, (lat, lon) in placed:
             last = track.last
-            point = SubElement(root, "wpt", lat=repr(last.lat), lon=repr(last.lon))
+            point = SubElement(root, "wpt", lat=repr(lat), lon=repr(lon))
             if last.alt_amsl is not None:
                 SubElement(point, "ele").text = f"{last.alt_amsl:.2f}"  # above mean sea level
             time = utc_text(last.time_unix)
@@ -27,7 +27,7 @@ class GpxExport(MapExport):
                 SubElement(point, "time").text = time
             SubElement(point, "name").text = _printable(name)
             SubElement(point, "desc").text = f"{last.state}; within {circle_radius(last.cov, SHARE):.2f} m (95 %)"
-        for name, track in placed:
+        for name, track, _ in placed:
             if len(track.path) > 1:
                 path = SubElement(root, "trk")
                 SubElement(path, "name").text = _printable(name)
