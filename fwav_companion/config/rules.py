@@ -12,7 +12,7 @@ from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.config.key_errors import Complaint, printable
 from fwav_companion.config.pad_rules import motion_fault, pad_complaints
-from fwav_companion.fleet.options import OF_THE_FUSION
+from fwav_companion.fleet.options import FUSION_NAME
 from fwav_companion.links.url import (
     LinkUrl,
     SerialUrl,
@@ -57,7 +57,7 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     yield from _ground_and_publish(document)
     if document.act is not None:
         yield from _act(document, document.act)
-    if document.fleet is not None and document.fleet.vehicle == OF_THE_FUSION:
+    if document.fleet is not None and document.fleet.vehicle == FUSION_NAME:
         yield ("fleet", "vehicle"), "the name of the targets that `ground` fuses; accepted: a name of its own"
 
 

@@ -10,7 +10,7 @@ from msgspec import Meta
 from fwav_companion.types.secrets import SecretUrl
 
 FLEET_NAME = r"^[A-Za-z0-9_.-]{1,64}$"
-OF_THE_FUSION: Final = "fleet"
+FUSION_NAME: Final = "fleet"
 """Name under which fused targets are shown: a vehicle's tracks of this name would hide them."""
 FleetWord = Annotated[str, Meta(pattern=FLEET_NAME, description="letters, digits, _ . -")]
 

@@ -10,7 +10,7 @@ import re
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-from fwav_companion.fleet.options import FLEET_NAME, OF_THE_FUSION
+from fwav_companion.fleet.options import FLEET_NAME, FUSION_NAME
 from fwav_companion.fleet.payloads import (
     MAX_NAME,
     MAX_TRACKS,
@@ -149,7 +149,7 @@ class FleetIntake:
 
     def _may_send(self, vehicle: str, now: float) -> bool:
         """Whether a vehicle has a place, or may get one. It is asked before a message is decoded, which costs more."""
-        if vehicle == OF_THE_FUSION or re.fullmatch(FLEET_NAME, vehicle) is None:
+        if vehicle == FUSION_NAME or re.fullmatch(FLEET_NAME, vehicle) is None:
             self._refuse(ascii(vehicle[:MAX_NAME]), "a name that no vehicle can have", now)
             return False
         if vehicle in self._senders or len(self._senders) < MAX_VEHICLES:

@@ -19,7 +19,7 @@ TURN_S = 0.03
 and it takes a third of a processor at most."""
 LONGEST_PAUSE_S = 86_400.0
 """Longest time between two lines: the time of a line beyond it is damaged, and would hold up all that follow."""
-IMPLAUSIBLE = (ValueError, ArithmeticError)
+NUMBER_ERRORS = (ValueError, ArithmeticError)
 """Errors that the numbers of a whole line can cause."""
 ACCEPTED = "accepted: a targets file of `run`, `replay` or `demo`, or a recording of `ground --record`"
 
@@ -86,7 +86,7 @@ class ReplayReader:
         """Process a line; one with implausible numbers is left out, and counted."""
         try:
             self._lines.take(line, self._newest_unix)
-        except IMPLAUSIBLE:
+        except NUMBER_ERRORS:
             self._implausible += 1
 
     def _say(self, text: str) -> None:

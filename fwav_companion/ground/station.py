@@ -32,7 +32,7 @@ COMPONENT = 190
 AUTOPILOT, CAMERA = 1, 100
 WANTED_HZ = {"GLOBAL_POSITION_INT": 4.0, "ATTITUDE": 4.0, "SYS_STATUS": 1.0, "GPS_RAW_INT": 1.0}
 REQUEST_STEP_S = 10.0
-SEVERAL = 6
+PROMPT_ROUNDS = 6
 """Rounds of requests to a vehicle after which they become rare: if it does not answer in a minute, it may not have the
 message; or it is not the one that was heard before, or has rebooted since."""
 RARE_STEP_S = 60.0
@@ -95,7 +95,7 @@ class PictureStation:
         for system, asked in self._asked.items():
             if now >= asked.due_unix:
                 asked.rounds += 1
-                asked.due_unix = now + (REQUEST_STEP_S if asked.rounds < SEVERAL else RARE_STEP_S)
+                asked.due_unix = now + (REQUEST_STEP_S if asked.rounds < PROMPT_ROUNDS else RARE_STEP_S)
                 self._ask(system, asked, now)
 
     def _on_bytes(self, name: str, data: bytes) -> bool:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 SENT = ("/tf", "/vehicle/location", "/targets/location", "/targets/scene", "/log")
 WHOLE_S = 1.0
 """Interval of the whole picture: a viewer that has just connected knows nothing of earlier changes."""
-
-
 STOP_S = 2.0
 """Longest wait for the library's server to stop, seconds: it waits for connections that have sent no request."""
 

@@ -15,14 +15,14 @@ export function arrowShape() {
   return shape;
 }
 
-// {label, paint}: grey with its age where the place, of the instant `placed`, is old: the vehicle may be elsewhere.
+// {old, label, paint}: grey with its age where the place, of the instant `placed`, is old: the vehicle may be elsewhere.
 export function vehicleMark(vehicle, placed, now) {
   const old = isOld(placed, now);
   const label = old ? `${vehicle.id} · ${duration(now - placed)} old` : vehicle.id;
   return { old, label, paint: old ? "--old" : `--v${vehicle.number % 8}` };
 }
 
-// {paint, dashed, gone} of a target.
+// {gone, dashed, paint} of a target: grey where it has not been seen for a while, dashed where its place is unsure.
 export function targetMark(target, now) {
   const gone = isGone(target, now);
   const unsure = UNSURE.includes(target.state);

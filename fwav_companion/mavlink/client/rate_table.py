@@ -50,9 +50,9 @@ class RequestState(StrEnum):
     """The autopilot does not take requests for rates."""
 
 
-CLOSED = frozenset({RequestState.HELD_BACK, RequestState.REFUSED})
+FINAL_STATES = frozenset({RequestState.HELD_BACK, RequestState.REFUSED})
 """States in which nothing is requested before a reboot, unless another message fails."""
-NOT_KEPT = CLOSED | {RequestState.UNSUPPORTED}
+NOT_KEPT = FINAL_STATES | {RequestState.UNSUPPORTED}
 """States without a rate of ours that a station's request could lower."""
 SILENT = frozenset({RequestState.UNANSWERED, RequestState.UNSUPPORTED})
 
@@ -180,7 +180,7 @@ class RateRow(msgspec.Struct, eq=False):
 
     def ask_soon(self, now: HostNs, pause_ns: int = 0) -> None:
         """Request again, but not within ``pause_ns`` of the last request."""
-        if self.state in CLOSED:
+        if self.state in FINAL_STATES:
             return
         earliest_ns = now if self.asked_ns is None else max(now, self.asked_ns + pause_ns)
         self.next_ask_ns = HostNs(min(earliest_ns, self.next_ask_ns if self.next_ask_ns is not None else earliest_ns))
@@ -233,7 +233,7 @@ class RateRow(msgspec.Struct, eq=False):
 
     def status(self) -> StreamReport:
         """Return the state for the status file."""
-        closed = self.state in CLOSED or not self.is_asked
+        closed = self.state in FINAL_STATES or not self.is_asked
         before_hz = self.before_hz
         return StreamReport(
             wanted_hz=self.need_hz,

@@ -17,7 +17,7 @@ from fwav_companion.mavlink.client.rate_reconciler import RateReconciler, Statio
 from fwav_companion.mavlink.client.rate_search import ArrivalsBefore, RateCompetitors
 from fwav_companion.mavlink.client.rate_table import (
     ATTITUDE,
-    CLOSED,
+    FINAL_STATES,
     QUATERNION,
     SILENT,
     RateRow,
@@ -308,7 +308,7 @@ class Rates:
         quaternion, plain = loop.rows.get(QUATERNION), loop.rows.get(ATTITUDE)
         if quaternion is None or plain is None or self._attitude_message == ATTITUDE:
             return
-        failed = quaternion.state in SILENT | CLOSED
+        failed = quaternion.state in SILENT | FINAL_STATES
         failed |= quaternion.state is RequestState.GRANTED and quaternion.meter.hz == 0.0
         if (quaternion.meter.hz or 0.0) > 0.0:
             hz = min(HORIZON_ATTITUDE_HZ, self.wanted_attitude_hz)

@@ -59,7 +59,7 @@ class LinkLimiter:
         self._capped_sender = -1
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
-        self._granted = ByteBudget()
+        self._grant_budget = ByteBudget()
         self._radio = RadioBackoff()
         self._load = LoadMeter()
         self._common_hz = inf
@@ -113,10 +113,10 @@ class LinkLimiter:
         """
         limit = self._bytes_per_s
         if limit is not None:
-            self._granted.fill(share * limit, now)
-            if not self._granted.is_free:
+            self._grant_budget.fill(share * limit, now)
+            if not self._grant_budget.is_free:
                 return self._drop(stream, self._budget_reason)
-            self._granted.spend(size)
+            self._grant_budget.spend(size)
         return True
 
     def _thinned_by(self, stream: StreamKey, cap: Cap, telemetry: bool, now: HostNs) -> Why | None:
