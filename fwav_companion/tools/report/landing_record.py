@@ -5,13 +5,19 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import hypot, nan
+from math import hypot, inf, nan
 
 import msgspec
 
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.rotations import Quaternion, quaternion_from_euler, rotate
 from fwav_companion.geometry.vectors import Vector3, subtract
+from fwav_companion.mavlink.wire.enums import (
+    MAV_AUTOPILOT_ARDUPILOTMEGA,
+    MAV_AUTOPILOT_PX4,
+    MAV_MODE_FLAG_SAFETY_ARMED,
+)
+from fwav_companion.publishing.enums import MAV_FRAME_BODY_FRD, MAV_FRAME_LOCAL_NED
 from fwav_companion.recording.line_types import Line, TargetLine
 from fwav_companion.types import Message
 
@@ -38,12 +44,7 @@ PX4_MODES = {
     (4, 5): "Return", (4, 6): "Land", (4, 9): "Precision land", (6, 0): "Offboard",
 }  # fmt: skip
 """Names by custom_mode: of ArduCopter, and of PX4 by main and sub mode."""
-ARDUPILOT, PX4 = 3, 12
-"""MAV_AUTOPILOT."""
-ARMED = 128
 DISARMED = "disarmed"
-LOCAL_NED, BODY_FRD = 1, 12
-"""MAV_FRAME of LANDING_TARGET to PX4 and to ArduPilot."""
 
 
 class LandingPoint(msgspec.Struct, frozen=True):
@@ -166,9 +167,9 @@ def _vectors(timed: Sequence[tuple[float, Message]], own: frozenset[int]) -> Ite
             local = (fields.x, fields.y, fields.z)
         elif _is_sent(message, own):
             place = (fields.x, fields.y, fields.z)
-            if fields.frame == BODY_FRD and ned_from_body is not None:
+            if fields.frame == MAV_FRAME_BODY_FRD and ned_from_body is not None:
                 yield at_s, rotate(ned_from_body, place)
-            elif fields.frame == LOCAL_NED and local is not None:
+            elif fields.frame == MAV_FRAME_LOCAL_NED and local is not None:
                 yield at_s, subtract(place, local)
 
 
@@ -184,15 +185,16 @@ def _pauses(sent_s: Sequence[float], events: Sequence[LandingEvent]) -> list[Lan
 
 def _texts(timed: Sequence[tuple[float, Message]], own: frozenset[int]) -> Iterator[LandingEvent]:
     """The texts about a landing, of the service and of the autopilot; a text that went two ways counts once."""
-    told: dict[tuple[str, str], float] = {}
+    last_s: dict[tuple[str, str], float] = {}
     for at_s, message in timed:
         if message.name != "STATUSTEXT":
             continue
-        by, text = ("service" if message.component in own else "autopilot"), message.fields.text
-        about = text.startswith(OWN_TEXTS) if by == "service" else any(word in text for word in AUTOPILOT_TEXTS)
-        again = at_s - told.get((by, text), -COPY_S) < COPY_S
-        told[by, text] = at_s
-        if about and not again:
+        by_service, text = message.component in own, message.fields.text
+        is_of_landing = text.startswith(OWN_TEXTS) if by_service else any(word in text for word in AUTOPILOT_TEXTS)
+        by = "service" if by_service else "autopilot"
+        is_copy = at_s - last_s.get((by, text), -inf) < COPY_S
+        last_s[by, text] = at_s
+        if is_of_landing and not is_copy:
             yield LandingEvent(at_s, by, text)
 
 
@@ -200,20 +202,20 @@ def _modes(timed: Sequence[tuple[float, Message]]) -> Iterator[LandingEvent]:
     """The autopilot's flight modes as they change, and when it is disarmed."""
     mode, armed = None, False
     for at_s, message in timed:
-        if message.name != "HEARTBEAT" or message.fields.autopilot not in (ARDUPILOT, PX4):
+        if message.name != "HEARTBEAT" or message.fields.autopilot not in (MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4):
             continue
         fields = message.fields
         if fields.custom_mode != mode:
             mode = fields.custom_mode
             yield LandingEvent(at_s, "autopilot", f"mode {_mode_name(fields.autopilot, fields.type, mode)}")
-        was, armed = armed, bool(fields.base_mode & ARMED)
+        was, armed = armed, bool(fields.base_mode & MAV_MODE_FLAG_SAFETY_ARMED)
         if was != armed:
             yield LandingEvent(at_s, "autopilot", "armed" if armed else DISARMED)
 
 
 def _mode_name(autopilot: int, vehicle_type: int, number: int) -> str:
     """Name of a custom_mode, else its number."""
-    if autopilot == PX4:
+    if autopilot == MAV_AUTOPILOT_PX4:
         main, sub = number >> 16 & 0xFF, number >> 24
         return PX4_MODES.get((main, sub), f"{main}.{sub}")
     return COPTER_MODES.get(number, f"{number}") if vehicle_type in COPTERS else f"{number}"

@@ -105,6 +105,12 @@ def test_modes_and_texts_of_both_are_listed_in_order_and_a_copy_once():
     ]  # fmt: skip
 
 
+def test_text_before_the_first_line_is_no_copy():
+    messages = [text(-0.5, "PrecLand: Target Found"), *steady(1.0, 1.2)]
+    (event,) = flight(messages).landing.events
+    assert (event.at_s, event.text) == (pytest.approx(-0.5), "PrecLand: Target Found")
+
+
 @pytest.mark.parametrize(
     ("autopilot", "vehicle", "number", "name"),
     [(3, 2, 9, "Land"), (3, 1, 9, "9"), (12, 2, 4 << 16 | 9 << 24, "Precision land"), (12, 2, 7 << 16, "7.0")],
