@@ -20,14 +20,7 @@ from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.standing import gates_of
 from fwav_companion.tracking.frame_association import Taken
-from fwav_companion.tracking.lifecycle import (
-    KEEP_MOVING_NS,
-    KEEP_STATIC_NS,
-    LOOK_S,
-    MOVING_LOOK_S,
-    are_photographs,
-    not_detected,
-)
+from fwav_companion.tracking.lifecycle import are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_state import LiveTrack, innovation
 from fwav_companion.tracking.visibility import is_missed_detection
@@ -87,11 +80,8 @@ class FrameUpdate(msgspec.Struct, frozen=True):
         """The track after a frame without a fix for it."""
         missed = is_missed_detection(self.view, track.label, self.choice.target(track), self._margin_m(track))
         missed = missed and not self._is_in_a_crowd(track)
-        static = track.target.velocity_cov is None
-        keep_ns, look_s = (KEEP_STATIC_NS, LOOK_S) if static else (KEEP_MOVING_NS, MOVING_LOOK_S)
-        life = not_detected(
-            track.life, self.view.host_ns, missed=missed, keep_ns=keep_ns, detector=self.detector, look_s=look_s
-        )
+        moving = track.target.velocity_cov is not None
+        life = not_detected(track.life, self.view.host_ns, missed=missed, moving=moving, detector=self.detector)
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
     def _is_in_a_crowd(self, track: LiveTrack) -> bool:

@@ -103,13 +103,13 @@ def detected(
     )
 
 
-def not_detected(
-    life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, detector: DetectorModel, look_s: float = LOOK_S
-) -> Life:
+def not_detected(life: Life, host_ns: HostNs, *, missed: bool, moving: bool, detector: DetectorModel) -> Life:
     """The life of a track after a frame without a fix for it. ``missed``: whether the frame could have seen the target.
 
-    ``keep_ns``: time without a detection after which a track is deleted, regardless of the number of looks.
+    ``moving``: whether the target may move. It is deleted after KEEP_MOVING_NS or KEEP_STATIC_NS, regardless of the
+    number of looks.
     """
+    keep_ns, look_s = (KEEP_MOVING_NS, MOVING_LOOK_S) if moving else (KEEP_STATIC_NS, LOOK_S)
     llr, misses = life.log_likelihood_ratio, life.misses
     if missed:
         share = 1.0 if life.confirmed_ns is None else min(1.0, detector.elapsed_s(host_ns) / look_s)

@@ -268,7 +268,7 @@ def test_among_many_false_detections_a_target_that_half_of_the_frames_miss_is_co
     for k in range(1, 80):
         at = host_ns(k / 30)
         if k % 2:
-            life = not_detected(life, at, missed=True, keep_ns=300 * 10**9, detector=model)
+            life = not_detected(life, at, missed=True, moving=False, detector=model)
         else:
             life = detected(life, at, 3.0, model)
     assert life.state is TrackState.CONFIRMED

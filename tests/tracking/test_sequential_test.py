@@ -20,7 +20,6 @@ from fwav_companion.types import Reason, TrackState
 SEEN = DetectorModel(detected=60.0, looks=80.0, false=30.0, frames=100.0, seconds=10.0, last_ns=host_ns(0.0),
                      detection_probability=0.75)  # fmt: skip
 """A detector at 10 Hz that finds three of four."""
-KEEP_NS = 300_000_000_000
 
 
 def of_track(detections, looks):
@@ -45,20 +44,22 @@ def test_three_detections_and_the_threshold_confirm_and_it_stays_confirmed():
     assert (three.state, three.confirmed_ns) == (TrackState.CONFIRMED, host_ns(0.2))
     weak = detected(detected(detected(one, host_ns(0.1), 0.1, SEEN), host_ns(0.2), 0.1, SEEN), host_ns(0.3), 0.1, SEEN)
     assert weak.state is TrackState.TENTATIVE
-    missed = not_detected(three, host_ns(0.3), missed=True, keep_ns=KEEP_NS, detector=SEEN)
+    missed = not_detected(three, host_ns(0.3), missed=True, moving=False, detector=SEEN)
     assert detected(missed, host_ns(0.4), -9.0, SEEN).confirmed_ns == host_ns(0.2)
 
 
 def test_a_missed_look_counts_whole_for_a_tentative_track_and_by_its_time_for_a_confirmed_one():
     tentative = initiated(host_ns(0.0))
-    after = not_detected(tentative, host_ns(0.1), missed=True, keep_ns=KEEP_NS, detector=SEEN)
+    after = not_detected(tentative, host_ns(0.1), missed=True, moving=False, detector=SEEN)
     assert after.log_likelihood_ratio == pytest.approx(log(1.0 - of_track(1, 1)))
     assert (after.looks, after.misses, after.state) == (2, 1, TrackState.TENTATIVE)
     confirmed = Life(TrackState.CONFIRMED, host_ns(-9.0), host_ns(0.0), 20.0, 30, 40, confirmed_ns=host_ns(-8.0))
-    after = not_detected(confirmed, host_ns(0.1), missed=True, keep_ns=KEEP_NS, detector=SEEN)
+    after = not_detected(confirmed, host_ns(0.1), missed=True, moving=False, detector=SEEN)
     half = 0.1 / 0.2
     assert after.log_likelihood_ratio == pytest.approx(20.0 + half * log(1.0 - of_track(30, 40)))
-    later = not_detected(after, host_ns(1.0), missed=True, keep_ns=KEEP_NS, detector=SEEN)
+    moving = not_detected(confirmed, host_ns(0.1), missed=True, moving=True, detector=SEEN)
+    assert moving.log_likelihood_ratio == pytest.approx(20.0 + half / 2.0 * log(1.0 - of_track(30, 40)))
+    later = not_detected(after, host_ns(1.0), missed=True, moving=False, detector=SEEN)
     assert later.log_likelihood_ratio == pytest.approx(after.log_likelihood_ratio + log(1.0 - of_track(30, 40)))
     assert (later.looks, later.misses) == (42, 2)
 
@@ -66,29 +67,32 @@ def test_a_missed_look_counts_whole_for_a_tentative_track_and_by_its_time_for_a_
 def test_misses_since_the_last_detection_do_not_lower_its_own_probability():
     """A target that has left is no evidence that the detector misses more."""
     missed = Life(TrackState.CONFIRMED, host_ns(-9.0), host_ns(0.0), 20.0, 30, 45, 5, host_ns(-8.0))
-    after = not_detected(missed, host_ns(1.0), missed=True, keep_ns=KEEP_NS, detector=SEEN)
+    after = not_detected(missed, host_ns(1.0), missed=True, moving=False, detector=SEEN)
     assert after.log_likelihood_ratio == pytest.approx(20.0 + log(1.0 - of_track(30, 40)))
 
 
 def test_a_frame_that_did_not_look_changes_nothing_but_by_its_time():
     life = Life(TrackState.CONFIRMED, host_ns(-9.0), host_ns(0.0), 20.0, 30, 40, confirmed_ns=host_ns(-8.0))
-    quiet = partial(not_detected, missed=False, keep_ns=KEEP_NS, detector=SEEN)
+    quiet = partial(not_detected, missed=False, moving=False, detector=SEEN)
     assert quiet(life, host_ns(0.25)) is life
     coasting = quiet(life, host_ns(0.26))
     assert (coasting.state, coasting.log_likelihood_ratio, coasting.looks) == (TrackState.COASTING, 20.0, 40)
     assert quiet(life, host_ns(300.0)).state is TrackState.COASTING
     ended = quiet(life, host_ns(300.1))
     assert (ended.state, ended.reason) == (TrackState.DROPPED, Reason.NOT_SEEN_LONG)
+    assert quiet(life, host_ns(10.0), moving=True).state is TrackState.COASTING
+    assert quiet(life, host_ns(10.1), moving=True).reason is Reason.NOT_SEEN_LONG
 
 
 def test_a_tentative_track_out_of_view_waits_for_thirty_frames_or_two_seconds_and_no_longer_than_a_track_is_kept():
     life, slow = initiated(host_ns(0.0)), DetectorModel(frames=9.0, seconds=9.0, last_ns=host_ns(0.0))
-    quiet = partial(not_detected, life, missed=False, keep_ns=KEEP_NS, detector=SEEN)
+    quiet = partial(not_detected, life, missed=False, moving=False, detector=SEEN)
     assert quiet(host_ns(2.9)).state is TrackState.TENTATIVE  # the frame interval is that of all frames, 0.1 s and more
     assert quiet(host_ns(9.0)).reason is Reason.NEVER_CONFIRMED
     at_1_hz = partial(not_detected, life, missed=False, detector=slow)
-    assert at_1_hz(host_ns(20.0), keep_ns=KEEP_NS).state is TrackState.TENTATIVE
-    assert at_1_hz(host_ns(20.0), keep_ns=19_000_000_000).reason is Reason.NEVER_CONFIRMED
+    assert at_1_hz(host_ns(20.0), moving=False).state is TrackState.TENTATIVE
+    assert at_1_hz(host_ns(10.0), moving=True).state is TrackState.TENTATIVE
+    assert at_1_hz(host_ns(10.1), moving=True).reason is Reason.NEVER_CONFIRMED
 
 
 def test_a_track_that_was_detected_often_lasts_fifteen_looks_and_no_more():
@@ -98,7 +102,7 @@ def test_a_track_that_was_detected_often_lasts_fifteen_looks_and_no_more():
     slow = DetectorModel(frames=99.0, seconds=99.0, last_ns=host_ns(40.0), detection_probability=0.75)
     looks = 0
     while life.state is not TrackState.DROPPED:
-        life = not_detected(life, host_ns(41.0 + looks), missed=True, keep_ns=KEEP_NS, detector=slow)
+        life = not_detected(life, host_ns(41.0 + looks), missed=True, moving=False, detector=slow)
         looks += 1
     assert (looks, life.reason) == (15, Reason.NOT_SEEN)
 

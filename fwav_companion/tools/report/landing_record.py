@@ -202,9 +202,9 @@ def _modes(timed: Sequence[tuple[float, Message]]) -> Iterator[LandingEvent]:
     """The autopilot's flight modes as they change, and when it is disarmed."""
     mode, armed = None, False
     for at_s, message in timed:
-        if message.name != "HEARTBEAT" or message.fields.autopilot not in (MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4):
-            continue
         fields = message.fields
+        if message.name != "HEARTBEAT" or fields.autopilot not in (MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4):
+            continue
         if fields.custom_mode != mode:
             mode = fields.custom_mode
             yield LandingEvent(at_s, "autopilot", f"mode {_mode_name(fields.autopilot, fields.type, mode)}")

@@ -17,14 +17,10 @@ from fwav_companion.estimation.frame_prediction import GATE2
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.initiation import begin_target
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.geometry.vectors import subtract
 from fwav_companion.tracking.clutter import Clutter, clutter
 from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdTrust
 from fwav_companion.tracking.lifecycle import (
-    LOOK_S,
-    MOVING_LOOK_S,
-    Life,
     are_photographs,
     detected,
     is_steady,
@@ -46,10 +42,6 @@ from fwav_companion.tracking.track_table import MAX_TRACKS, weakest_first
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, TrackState
 
-KEEP_STATIC_NS = 300 * NS_PER_S
-"""Time without a detection after which a static target is deleted, ns: five minutes, several rounds of any survey."""
-KEEP_MOVING_NS = 10 * NS_PER_S
-"""The same for a moving target, ns: it can be anywhere within 15 m after that."""
 WIDE = 4.0 * log(3.0)
 """Log determinant ratio of a gate three times as wide as the noise of a fix. In a narrower gate a false fix does little
 harm, because a small gain moves the estimate by only a part of that noise."""
@@ -213,11 +205,7 @@ class FrameTracks:
             # A tentative track needs its place alone: the likelihood ratio of clutter is 1 only if every look counts.
             margin_m = self._answers.displaced_m(track) if track.confirmed else None
             missed = is_missed_detection(view, track.label, target, margin_m) and not self._is_in_a_crowd(track)
-        keep_ns = KEEP_MOVING_NS if track.moving else KEEP_STATIC_NS
-        look_s = MOVING_LOOK_S if track.moving else LOOK_S
-        life: Life = not_detected(
-            track.life, view.host_ns, missed=missed, keep_ns=keep_ns, detector=self._state.detector, look_s=look_s
-        )
+        life = not_detected(track.life, view.host_ns, missed=missed, moving=track.moving, detector=self._state.detector)
         return msgspec.structs.replace(track, life=life, fix=None, looked_for=missed, innovation=None)
 
     def _is_in_a_crowd(self, track: SmoothedTrack) -> bool:
