@@ -13,6 +13,7 @@ from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.kalman_by_label import KalmanByLabel
 from fwav_companion.tracking.filters.lowpass import LowPass
 from fwav_companion.tracking.frame_tracker import FrameTracker
+from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.types import ErrorPriors, GroundReference, Landmark
@@ -52,15 +53,13 @@ def make_tracker(
     if options.filter == "lowpass":
         paper, self_calibration = LowPass(options.alpha, options.alpha_rate_hz, priors), options.self_calibration
         return tracker_with(paper, priors, state_at, kept, self_calibration=self_calibration, calibrating=calibrating)
-    by_label = motion_of or {}
-    moving = "moving" in (options.motion, *by_label.values())
-    calibrator = None
+    motions, calibrator = _motions(options, motion_of), None
     if options.self_calibration:
-        calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if moving else None)
-    if not moving:
+        calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if motions.any_moves else None)
+    if not motions.any_moves:
         corrected = _landmark_tracking(priors, landmarks, state_at) if landmarks else None
         return Tracker(StaticKalman(priors), calibrator, landmarks=corrected)
-    kalman = KalmanByLabel(priors, options.motion, by_label)
+    kalman = KalmanByLabel(priors, motions)
     if calibrator is None:
         return Tracker(kalman)
     # A second tracker treats all targets as static: only a target known to be where it was can calibrate.
@@ -86,12 +85,11 @@ def smoothed_tracker(
     ``source``: the vehicle's telemetry; None: each picture has its own pose. ``motion_of``: motion of the targets of
     some labels, where it is not that of all targets. ``own_poses``: each frame's pose has errors of its own.
     """
-    from fwav_companion.tracking.smoothed.smoothed_tracker import Motions, SmoothedTracker
+    from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
 
-    by_label = {label: motion == "moving" for label, motion in (motion_of or {}).items()}
     return SmoothedTracker(
         priors, source, lever_m=lever_m, kept=kept, consider=not options.self_calibration, smoother=smoother,
-        landmarks=landmarks, ground=ground, motions=Motions(options.motion == "moving", by_label),
+        landmarks=landmarks, ground=ground, motions=_motions(options, motion_of),
         own_poses=own_poses,
     )  # fmt: skip
 
@@ -112,6 +110,11 @@ def tracker_with(
     """
     calibrator = _calibrator(priors, state_at, kept) if self_calibration and calibrating is None else None
     return Tracker(belief_filter, calibrator, corrects=False, calibrating=calibrating)
+
+
+def _motions(options: TrackingOptions, motion_of: Mapping[str, str] | None) -> Motions:
+    by_label = {label: motion == "moving" for label, motion in (motion_of or {}).items()}
+    return Motions(options.motion == "moving", by_label)
 
 
 def _landmark_tracking(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from handmade import BOOT_NS, boot_ns
 
-from fwav_companion.tracking.smoothed.smoothed_tracker import Motions, SmoothedTracker
+from fwav_companion.tracking.motions import Motions
+from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
 from fwav_companion.types import AttitudeSample
 
 BEFORE_S, AHEAD_S, ATTITUDE_HZ, POSITION_HZ = 0.8, 0.2, 50.0, 10.0

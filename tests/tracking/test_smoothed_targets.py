@@ -9,7 +9,7 @@ from simulated_world import World
 from smoothed_flights import confirmed, tracked
 
 from fwav_companion.self_calibration.calibration_report import CalibrationStatus, SharedParameter
-from fwav_companion.tracking.smoothed.smoothed_tracker import Motions
+from fwav_companion.tracking.motions import Motions
 from fwav_companion.types import BIAS_COUNT, Bias, Reason, TrackState
 
 MOVING = Motions(default=True)

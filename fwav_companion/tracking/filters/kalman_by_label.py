@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.moving import MovingKalman
+from fwav_companion.tracking.motions import Motions
 from fwav_companion.types import ErrorPriors, GroundFix
 
 
 class KalmanByLabel:
     """Initiates each target by the motion of its label."""
 
-    __slots__ = ("_by_label", "_default", "_moving", "_static")
+    __slots__ = ("_motions", "_moving", "_static")
 
-    def __init__(self, priors: ErrorPriors, default: str, by_label: Mapping[str, str]) -> None:
-        """``default``: motion of all labels but those of ``by_label``: static or moving."""
-        self._static, self._moving = StaticKalman(priors), MovingKalman(priors)
-        self._default, self._by_label = default, by_label
+    def __init__(self, priors: ErrorPriors, motions: Motions) -> None:
+        self._motions, self._static, self._moving = motions, StaticKalman(priors), MovingKalman(priors)
 
     def initiate(self, fix: GroundFix) -> TargetState:
         """The state after the first fix."""
-        motion = self._by_label.get(fix.sighting.detection.label, self._default)
-        return self._moving.initiate(fix) if motion == "moving" else self._static.initiate(fix)
+        moves = self._motions.moves(fix.sighting.detection.label)
+        return self._moving.initiate(fix) if moves else self._static.initiate(fix)

@@ -23,6 +23,7 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
 from fwav_companion.tracking.smoothed.flight_ground import (
@@ -71,17 +72,6 @@ STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
 
 NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
-
-
-class Motions(msgspec.Struct, frozen=True):
-    """Which targets may move, by their label."""
-
-    default: bool = False
-    by_label: Mapping[str, bool] = {}
-
-    def moves(self, label: str) -> bool:
-        """Whether targets of this label may move."""
-        return self.by_label.get(label, self.default)
 
 
 class SmoothedTracker:
