@@ -10,7 +10,7 @@ from fwav_companion.types.flight_status import LandmarkReport
 FEWEST = 5
 """Number of used sights from which a landmark is reported as used."""
 NOT_APPLIED = (
-    'landmarks are not used: they correct standing targets ([tracking] motion = "static") by filter = "kalman" alone'
+    'landmarks are not used: they correct by [tracking] filter = "kalman" alone, where no target has motion = "moving"'
 )
 
 

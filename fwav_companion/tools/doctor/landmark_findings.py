@@ -38,14 +38,17 @@ def landmark_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding
 
 
 def _not_applied(evidence: Evidence) -> Finding:
-    tracking = evidence.config.tracking
-    key = f'filter = "{tracking.filter}"' if tracking.filter != "kalman" else f'motion = "{tracking.motion}"'
+    config = evidence.config
+    cause = f'[tracking] filter = "{config.tracking.filter}"'
+    if config.tracking.filter == "kalman":
+        moving = [thing.label for thing in (*config.target, *config.pad) if thing.motion == "moving"]
+        cause = f'motion = "moving" of {", ".join(moving) or "[tracking]"}'
     return Finding(
         "landmarks_not_applied",
         Level.WARNING,
         WHERE,
-        problem=f"landmarks are not used: [tracking] {key} is not corrected by them",
-        fix='set [tracking] filter = "kalman" and motion = "static", or remove [[landmark]]',
+        problem=f"landmarks are not used with {cause}",
+        fix='set [tracking] filter = "kalman" and motion = "static" for all targets, or remove [[landmark]]',
     )
 
 

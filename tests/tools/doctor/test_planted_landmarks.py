@@ -8,6 +8,7 @@ from test_planted_in_the_status import HEALTHY, altered, planted_in
 from fwav_companion.config.estimation import LandmarkConfig
 from fwav_companion.tools.doctor.finding import Level
 from fwav_companion.tools.doctor.landmark_findings import FRAMES
+from fwav_companion.types import Pad
 
 LABEL = "tag36h11:0"
 
@@ -86,3 +87,10 @@ def test_ten_kilometres_and_twenty_frames_are_the_bounds(healthy):
 def test_the_filter_that_uses_no_landmark_is_named(healthy):
     (finding,) = findings(healthy, {"state": "not_applied"}, filter_name="lowpass")
     assert "lowpass" in finding.problem
+
+
+def test_the_label_that_moves_is_named_where_landmarks_are_not_used(healthy):
+    config = msgspec.structs.replace(healthy.config, pad=(Pad(label="boat", tags=(), motion="moving"),))
+    (finding,) = findings(msgspec.structs.replace(healthy, config=config), {"state": "not_applied"})
+    assert 'motion = "moving" of boat' in finding.problem
+    assert 'motion = "static"' not in finding.problem
