@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import hypot, isfinite, pi, radians, sqrt
 from typing import Any
 
@@ -62,12 +63,17 @@ def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Impl
 
 def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:
     """Attitude of ATTITUDE_QUATERNION: (w, x, y, z) of the same rotation as ATTITUDE's."""
-    w, x, y, z = q = (float(fields.q1), float(fields.q2), float(fields.q3), float(fields.q4))
-    length = sqrt(w * w + x * x + y * y + z * z)
+    q = unit_quaternion((fields.q1, fields.q2, fields.q3, fields.q4))
     rates = _rates(fields)
-    if not 0.95 <= length <= 1.05 or rates is None:  # NaN compares false
-        return Implausible()
-    return Attitude(normalized(q), rates)
+    return Implausible() if q is None or rates is None else Attitude(q, rates)
+
+
+def unit_quaternion(sent: Sequence[float]) -> Quaternion | None:
+    """A quaternion (w, x, y, z) as sent, normalized; None where it is no rotation."""
+    w, x, y, z = map(float, sent)
+    if not 0.95 <= sqrt(w * w + x * x + y * y + z * z) <= 1.05:  # NaN compares false
+        return None
+    return normalized((w, x, y, z))
 
 
 def _rates(fields: Any) -> Vector3 | None:
@@ -162,7 +168,5 @@ def range_sample(fields: Any, boot_ns: BootNs) -> RangeSample | Implausible:
 def _beam(fields: Any) -> Vector3 | None:
     if fields.orientation != ORIENTATION_CUSTOM:
         return _BEAMS.get(fields.orientation)
-    w, x, y, z = (float(c) for c in fields.quaternion)
-    if not 0.95 <= sqrt(w * w + x * x + y * y + z * z) <= 1.05:
-        return None
-    return rotate(normalized((w, x, y, z)), (1.0, 0.0, 0.0))
+    q = unit_quaternion(fields.quaternion)
+    return None if q is None else rotate(q, (1.0, 0.0, 0.0))

@@ -8,17 +8,16 @@ external system's pose on, whose yaw has a zero of its own and for which the fil
 from __future__ import annotations
 
 from enum import StrEnum
-from math import hypot
 from typing import Any
 
 import msgspec
 
-from fwav_companion.geometry.rotations import normalized, rotate
+from fwav_companion.geometry.rotations import rotate
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.clock.boot_time import nearest_instant
 from fwav_companion.telemetry.clock.clock import Clock
-from fwav_companion.telemetry.decoding import Implausible, local_position
+from fwav_companion.telemetry.decoding import Implausible, local_position, unit_quaternion
 from fwav_companion.telemetry.world import LOCAL_FRESH_NS
 from fwav_companion.types import Unpaired
 
@@ -82,10 +81,14 @@ class OdometryReader:
         boot_ns = BootNs(nearest_instant(int(fields.time_usec) * 1000, arrival_ns))
         if abs(boot_ns - arrival_ns) > LATEST_NS:
             return OdometryRefusal.OTHER_CLOCK
-        sent = (float(fields.vx), float(fields.vy), float(fields.vz))
-        velocity = _velocity_ned(fields.q, sent) if fields.child_frame_id == BODY_FRD else sent
-        moving = None if velocity is None else local_position((fields.x, fields.y, fields.z), velocity)
-        if moving is None or isinstance(moving, Implausible):
+        velocity = (float(fields.vx), float(fields.vy), float(fields.vz))
+        if fields.child_frame_id == BODY_FRD:
+            ned_from_body = unit_quaternion(fields.q)
+            if ned_from_body is None:
+                return OdometryRefusal.IMPLAUSIBLE
+            velocity = rotate(ned_from_body, velocity)
+        moving = local_position((fields.x, fields.y, fields.z), velocity)
+        if isinstance(moving, Implausible):
             return OdometryRefusal.IMPLAUSIBLE
         before, self._reset_counter = self._reset_counter, fields.reset_counter
         return OdometryPosition(boot_ns, *moving, is_reset=before is not None and before != fields.reset_counter)
@@ -100,11 +103,3 @@ def _refusal(fields: Any) -> OdometryRefusal | None:
     if fields.estimator_type not in OWN_ESTIMATORS:
         return OdometryRefusal.EXTERNAL
     return OdometryRefusal.FAILED if fields.quality == FAILED else None
-
-
-def _velocity_ned(q: Any, velocity_body: Vector3) -> Vector3 | None:
-    """A velocity in the frame of the message by its own quaternion (w, x, y, z); None where that is no rotation."""
-    w, x, y, z = (float(each) for each in q)
-    if not 0.95 <= hypot(w, x, y, z) <= 1.05:  # NaN compares false
-        return None
-    return rotate(normalized((w, x, y, z)), velocity_body)

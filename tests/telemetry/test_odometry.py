@@ -71,6 +71,8 @@ def test_odometry_is_used_only_where_no_local_position_comes():
         ({"x": float("nan")}, "ODOMETRY"),
         ({"vy": float("nan")}, "ODOMETRY"),
         ({"child_frame_id": 12, "q": (float("nan"), 0.0, 0.0, 0.0)}, "ODOMETRY"),
+        ({"child_frame_id": 12, "q": (0.0, 0.0, 0.0, 0.0)}, "ODOMETRY"),
+        ({"child_frame_id": 12, "q": (0.9, 0.0, 0.0, 0.0)}, "ODOMETRY"),
     ],
 )
 def test_odometry_that_is_no_local_position_of_the_autopilot_is_refused_by_name(fields, name):
