@@ -23,6 +23,7 @@ class Belief:
 
     def __init__(self, options: Options, biases: DrawnBiases, flight: Flight, world: World) -> None:
         self._o, self._biases, self._flight, self.world = options, biases, flight, world
+        self._attitude_errors_deg = (biases.attitude_roll_deg, biases.attitude_pitch_deg, biases.heading_deg)
         seed = options.seed
         self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz, options.autopilot.gyro_sample_hz)
         self.gimbal = Gimbal(options, biases, flight)
@@ -49,15 +50,13 @@ class Belief:
 
     def own_state(self, flight_s: float) -> State:
         """True state with the attitude that the autopilot believes, without its noise."""
-        state, b = self._flight.at(flight_s), self._biases
-        errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
+        state, errors = self._flight.at(flight_s), self._attitude_errors_deg
         roll, pitch, yaw = (angle + radians(error) for angle, error in zip(state.euler, errors, strict=True))
         return state._replace(euler=(roll, pitch, yaw))
 
     def attitude(self, flight_s: float) -> tuple[Vector, Vector]:
         """Estimated (roll, pitch, yaw) and filtered body rates at an instant, rad and rad/s."""
-        b, noise = self._biases, self._o.priors.attitude_noise_deg
-        errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
+        noise, errors = self._o.priors.attitude_noise_deg, self._attitude_errors_deg
         euler = self._flight.euler(flight_s)
         roll, pitch, yaw = (a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
         return self._signed((roll, pitch, yaw)), self._signed(self._rates(flight_s))

@@ -8,7 +8,7 @@ copter's own velocity, so that a miss is one of the vectors.
 
 from __future__ import annotations
 
-from math import atan, cos, hypot, pi, radians, sin, sqrt
+from math import atan, cos, hypot, radians, sin, sqrt
 from random import Random
 from typing import NamedTuple, Protocol
 
@@ -196,13 +196,6 @@ class Lander:
             -atan(forward),
             -forward_rate / (1.0 + forward * forward),
         )
-
-
-def drawn_start(seed: int, farthest_m: float) -> tuple[Pair, float]:
-    """Offset from the pad and heading in degrees of a landing, drawn by the seed."""
-    rng = Random(f"{seed}/start")
-    turn, far_m = rng.uniform(0.0, 2.0 * pi), farthest_m * sqrt(rng.random())
-    return (far_m * cos(turn), far_m * sin(turn)), rng.uniform(0.0, 360.0)
 
 
 def _moved(knot: Knot, d: float) -> tuple[Pair, Pair, Pair]:

@@ -86,12 +86,13 @@ class FlightOptions:
     """Motion of the vehicle, about a flight centre on the ground."""
 
     pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand", "waypoints", "landing"] = "orbit"
-    """hand: held by hand over the flight centre and shaken. waypoints: through ``waypoints``."""
+    """hand: held by hand over the flight centre and shaken. waypoints: through ``waypoints``. landing: a copter that
+    flies by LANDING_TARGET, with the options ``lander``."""
     waypoints: tuple[Waypoint, ...] = ()
     """Waypoints of the pattern waypoints: minimum-jerk segments between them; ``height_m`` and the heading options do
-    not apply then. landing: a copter that flies by LANDING_TARGET, with the options ``lander``."""
+    not apply then."""
     heading: Literal["", "course", "centre", "fixed"] = ""
-    """Heading mode. Empty: the pattern's own (orbit: centre; hover and hand: fixed; else course)."""
+    """Heading mode. Empty: the pattern's own (orbit: centre; hover, hand and landing: fixed; else course)."""
     centre: tuple[float, float] = (40.0, -25.0)
     """Flight centre from the world's origin: north, east."""
     half_axes_m: tuple[float, float] = (8.0, 8.0)

@@ -39,7 +39,7 @@ class Pattern:
         self._waypoints = Waypoints(options.waypoints) if options.pattern == "waypoints" else None
         # (multiple of s, phase) of east: an ellipse leads by a quarter turn, a figure eight has twice the frequency.
         self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
-        if options.pattern in ("hover", "hand", "landing"):
+        if options.pattern in ("hover", "hand"):
             self._still = Path(options.offset_m, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         elif options.pattern not in ("orbit", "figure_eight", "racetrack", "waypoints"):
             raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight, racetrack, hand or waypoints")

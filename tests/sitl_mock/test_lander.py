@@ -1,6 +1,6 @@
 """The mock's copter that lands by LANDING_TARGET: its estimate's time line, its descent, and where it comes down."""
 
-from math import hypot
+from math import cos, hypot, sin, tan
 
 import pytest
 
@@ -9,12 +9,12 @@ from sitl_mock.lander import LAND_SPEED_M_S
 from sitl_mock.precland_filter import FOUND, FOUND_S, GAP_S, LOST, LOST_S, RelativeTarget
 from sitl_mock.rotation import minus
 
-STEP_S = 1.0 / 30.0
+STEP_S, GRAVITY = 1.0 / 30.0, 9.80665
 START = scenario("land").but({"lander.gust_m_s2": 0.0})
 
 
-def landed(until_s=60.0, off_m=(0.0, 0.0), options=START, seen=lambda t: True):
-    """A flight whose lander hears the exact vector at each frame in which the pad is seen, off by a distance."""
+def flown(until_s=60.0, off_m=(0.0, 0.0), options=START, seen=lambda t: True):
+    """The mock, whose lander hears the exact vector at each frame in which the pad is seen, off by a distance."""
     mock = simulate(options)
     pad = mock.scene[0]
     for frame in range(int(until_s / STEP_S)):
@@ -24,7 +24,11 @@ def landed(until_s=60.0, off_m=(0.0, 0.0), options=START, seen=lambda t: True):
             mock.lander.hear((north + off_m[0], east + off_m[1], down), frame, t)
         if mock.lander.touchdown is not None:
             break
-    return mock.lander
+    return mock
+
+
+def landed(**how):
+    return flown(**how).lander
 
 
 def test_copter_with_exact_vectors_comes_down_on_the_pad():
@@ -57,14 +61,34 @@ def test_copter_moves_along_with_a_moving_deck_and_comes_down_on_it():
     assert landed(options=options).touchdown.miss_m < 0.05
 
 
-def test_velocity_and_rates_are_the_derivatives_of_the_motion():
-    flight, h = simulate(START).flight, 1e-4
-    for t in (7.003, 8.5061, 11.25):
-        before, now, after = (flight.at(t + d) for d in (-h, 0.0, h))
-        slope = [(b - a) / (2.0 * h) for a, b in zip(before.position, after.position, strict=True)]
-        assert now.velocity == pytest.approx(slope, abs=1e-3)
-        roll_rate = (after.euler[0] - before.euler[0]) / (2.0 * h)
-        assert now.rates[0] == pytest.approx(roll_rate, abs=5e-3)
+@pytest.fixture(scope="module")
+def level():
+    """The motion of a landing on a pad, of a vehicle that tilts only to accelerate."""
+    return flown(options=START.but({"flight.wander_deg": 0.0})).flight
+
+
+@pytest.mark.parametrize("t", [6.503, 7.0061, 8.253])
+def test_velocity_and_rates_are_the_derivatives_of_the_motion(level, t):
+    h = 1e-4
+    before, now, after = (level.at(t + d) for d in (-h, 0.0, h))
+    slope = [(b - a) / (2.0 * h) for a, b in zip(before.position, after.position, strict=True)]
+    assert now.velocity == pytest.approx(slope, abs=1e-3)
+    roll_rate, pitch_rate, _ = ((b - a) / (2.0 * h) for a, b in zip(before.euler, after.euler, strict=True))
+    roll = now.euler[0]
+    assert min(abs(roll_rate), abs(pitch_rate)) > 0.01
+    assert now.rates == pytest.approx((roll_rate, pitch_rate * cos(roll), -pitch_rate * sin(roll)), abs=1e-4)
+
+
+@pytest.mark.parametrize("t", [6.503, 7.0061, 8.253])
+def test_copter_tilts_toward_its_acceleration(level, t):
+    """A level thrust of one g accelerates it forward where its nose is down, and right where it rolls right."""
+    h = 1e-4
+    before, now, after = (level.at(t + d) for d in (-h, 0.0, h))
+    north, east = ((after.velocity[k] - before.velocity[k]) / (2.0 * h) for k in (0, 1))
+    roll, pitch, yaw = now.euler
+    assert hypot(north, east) > 0.02
+    assert north * cos(yaw) + east * sin(yaw) == pytest.approx(-GRAVITY * tan(pitch), abs=1e-3)
+    assert east * cos(yaw) - north * sin(yaw) == pytest.approx(GRAVITY * tan(roll), abs=1e-3)
 
 
 def heard(target, from_s, to_s, place=(1.0, 2.0)):
