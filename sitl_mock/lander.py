@@ -127,8 +127,7 @@ class Lander:
         climb = before.climb + before.sinking * STEP_S
         self._lands(t, at, up)
         if self.touchdown is not None:
-            still = (0.0, 0.0)
-            self._knots.append(Knot(at, self._deck.velocity_at(t), still, still, still, up, 0.0, 0.0))
+            self._knots.append(self._knot_on_deck(t, at))
             return
         self.texts += self._target.advance(t)
         self._knots.append(self._knot(k, at, velocity, tilt, up, climb))
@@ -158,6 +157,12 @@ class Lander:
         jerk = _limited(((acceleration[0] - tilt[0]) / TILT_S, (acceleration[1] - tilt[1]) / TILT_S), MOST_JERK_M_S3)
         sinking = (self._climb_rate(t, error_m, up) - climb) / CLIMB_S
         return Knot(at, velocity, tilt, jerk, gust, up, climb, sinking)
+
+    def _knot_on_deck(self, t: float, at: Pair) -> Knot:
+        """The motion after the touchdown: that of the deck, which may heave."""
+        still, (down, down_next) = (0.0, 0.0), (self._deck.at(each)[2] for each in (t, t + STEP_S))
+        climb = (down - down_next) / STEP_S
+        return Knot(at, self._deck.velocity_at(t), still, still, still, self._gear_m - down, climb, 0.0)
 
     def _aim(self, t: float, at: Pair) -> tuple[Pair, Pair]:
         """The place to go to, from the copter, and its velocity."""

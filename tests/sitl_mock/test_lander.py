@@ -56,9 +56,16 @@ def test_copter_that_loses_its_target_lands_where_it_is_then():
     assert lander.touchdown.miss_m < hypot(*START.flight.offset_m)
 
 
-def test_copter_moves_along_with_a_moving_deck_and_comes_down_on_it():
+def test_copter_moves_along_with_a_moving_deck_comes_down_on_it_and_stays():
     options = scenario("land_boat").but({"lander.gust_m_s2": 0.0})
-    assert landed(options=options).touchdown.miss_m < 0.05
+    mock = flown(options=options)
+    touchdown = mock.lander.touchdown
+    assert touchdown.miss_m < 0.05
+    for later_s in (0.5, 1.7, 3.1):
+        t = touchdown.at_s + later_s
+        north, east, down = minus(mock.scene[0].at(t), mock.flight.at(t).position)
+        assert (-north, -east) == pytest.approx(touchdown.off_m, abs=0.01)
+        assert down == pytest.approx(options.lander.gear_m, abs=0.01)
 
 
 @pytest.fixture(scope="module")
