@@ -102,6 +102,11 @@ class LandingRecord(msgspec.Struct, frozen=True):
     pauses: list[LandingPause]
     events: list[LandingEvent]
 
+    @property
+    def last_seen(self) -> LandingPoint | None:
+        """The point by the last picture that showed the pad; None where no picture did."""
+        return next((point for point in reversed(self.points) if point.seen), None)
+
     def height_at(self, at_s: float) -> float | None:
         """Height above the landing point at the message nearest to an instant; None without one within a second."""
         index = bisect_left(self.points, at_s, key=lambda each: each.at_s)

@@ -38,17 +38,15 @@ def landing_section(landing: LandingRecord | None) -> str:
     """The section; empty without a landing."""
     if landing is None:
         return ""
-    figures = [_path_figure(landing.points), _offset_figure(landing.points)] if len(landing.points) > 1 else []
+    figures = [_path_figure(landing), _offset_figure(landing.points)] if len(landing.points) > 1 else []
     drawn = f'<div class="two">{"".join(figures)}</div>' if figures else ""
     return section("The landing", _words(landing), drawn + _pause_table(landing) + _event_table(landing))
 
 
 def _words(landing: LandingRecord) -> str:
-    seen = [point for point in landing.points if point.seen]
-    messages = f"{landing.sent} LANDING_TARGET messages were sent"
-    if not seen:
+    messages, last = f"{landing.sent} LANDING_TARGET messages were sent", landing.last_seen
+    if last is None:
         return f"{messages}."
-    last = seen[-1]
     claim = f", with a claimed radius of {length(last.radius95_m)} (95 %)" if isfinite(last.radius95_m) else ""
     return (
         f"{messages}. In the last picture of the pad the vehicle was {length(last.height)} above the landing point and "
@@ -56,7 +54,8 @@ def _words(landing: LandingRecord) -> str:
     )
 
 
-def _path_figure(points: Sequence[LandingPoint]) -> str:
+def _path_figure(landing: LandingRecord) -> str:
+    points, last = landing.points, landing.last_seen
     span_m = 2.2 * max(LEAST_SPAN_M, *(max(abs(point.north), abs(point.east)) for point in points))
     scale, middle = VIEW / span_m, VIEW / 2.0
 
@@ -71,11 +70,12 @@ def _path_figure(points: Sequence[LandingPoint]) -> str:
         parts.append(text((3.0, VIEW - here - 3.0), f"{metres:g}", "tick"))
     for seen, stretch in groupby(points, key=lambda point: point.seen):
         parts.append(polyline(thinned(list(map(at, stretch)), MOST_POINTS), "ours" if seen else "path"))
-    parts += [cross((middle, middle), 7.0, "truth"), circle(at(points[-1]), 4.0, "estimate", "the last picture")]
-    entries = key(
-        [("ours", "line", "vehicle"), ("truth", "cross", "landing point"), ("estimate", "dot", "last picture")]
-    )
-    return figure("Path over the pad", drawing(VIEW, VIEW, parts, PATH_WORDS), PATH_WORDS, key=entries)
+    parts.append(cross((middle, middle), 7.0, "truth"))
+    entries = [("ours", "line", "vehicle"), ("truth", "cross", "landing point")]
+    if last is not None:
+        parts.append(circle(at(last), 4.0, "estimate", "the last picture"))
+        entries.append(("estimate", "dot", "last picture"))
+    return figure("Path over the pad", drawing(VIEW, VIEW, parts, PATH_WORDS), PATH_WORDS, key=key(entries))
 
 
 def _offset_figure(points: Sequence[LandingPoint]) -> str:

@@ -68,6 +68,16 @@ def test_claim_and_sight_are_those_of_the_newest_picture():
     assert [point.seen for point in points] == [True, False]
 
 
+def test_last_picture_is_the_one_before_the_pad_was_lost():
+    lines = [seen(1.0), seen(2.0, fix=None)]
+    shown = flight([attitude(0.5, 0.0), sent(1.5, -1.0, 0.0, 3.0), sent(2.5, -4.0, 0.0, 2.0)], lines)
+    assert (shown.landing.last_seen.north, shown.landing.last_seen.height) == pytest.approx((1.0, 3.0))
+    markup = Markup(page(shown))
+    assert "3.00 m above the landing point" in markup.text
+    north_1_m = 170.0 * (1.0 - 1.0 / 4.4)  # in a view of 4.4 m each way
+    assert pytest.approx(north_1_m, abs=0.1) in [float(each["cy"]) for each in markup.of("estimate") if "cy" in each]
+
+
 def test_time_without_messages_is_listed_with_the_services_own_cause():
     cause = text(3.1, "LANDING_TARGET withheld: camera 1.7 s late", COMPANION)
     shown = flight([attitude(0.5, 0.0), *steady(1.0, 2.0), cause, *steady(4.0, 5.0)])
