@@ -224,6 +224,14 @@ def test_own_detector_reads_a_pads_tags_from_three_metres_to_the_ground():
     assert np.linalg.norm(np.mean(off, axis=1), axis=1).max() < 1.0 / 3.0  # the tag as a whole
 
 
+def test_own_detector_reads_a_pads_largest_tag_from_eight_metres():
+    simulation = flown("pad", seconds=37.0, seed=1)
+    eye, detector = Eye(simulation), apriltags(apart=PAD_LABELS)
+    for frame in (frame_at(simulation, flight_s) for flight_s in (2.5, 4.0)):
+        assert height_m(simulation, frame) > 7.9
+        assert [each["label"] for each in detector.detect(eye.picture(frame))] == ["tag36h11:0"]
+
+
 @pytest.mark.parametrize(("above_m", "tag_id"), [(4.0, 0), (1.5, 1)], ids=["large tag", "small tag in its blank"])
 def test_pad_on_a_deck_is_drawn_where_it_is_through_the_rolling_shutter(above_m, tag_id):
     way = tuple((at_s, 0.0, 0.0, above_m, 30.0) for at_s in (0.0, 40.0))
