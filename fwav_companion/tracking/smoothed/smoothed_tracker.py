@@ -193,7 +193,7 @@ class SmoothedTracker:
         return None
 
     def catch_up(self, now_ns: HostNs) -> None:
-        """Do nothing."""
+        """Do nothing: nothing is due between frames."""
 
     def best_targets(self) -> dict[int, SmoothedTarget]:
         """The reported targets of all live tracks, by id."""
