@@ -2,6 +2,7 @@
 
 from math import cos, hypot, sin, tan
 
+import numpy as np
 import pytest
 
 from sitl_mock import scenario, simulate
@@ -51,9 +52,30 @@ def test_copter_without_a_vector_lands_where_it_was_held():
 
 
 def test_copter_that_loses_its_target_lands_where_it_is_then():
-    lander = landed(seen=lambda t: t < 8.0)
+    mock = flown(seen=lambda t: t < 6.5)
+    lander, lost_s = mock.lander, 6.5 + LOST_S
     assert lander.texts == [FOUND, LOST]
-    assert lander.touchdown.miss_m < hypot(*START.flight.offset_m)
+    off_m = minus(mock.flight.at(lost_s).position, mock.scene[0].at(lost_s))[:2]
+    assert hypot(*off_m) < 0.9 * hypot(*START.flight.offset_m), "it was on its way to the pad"
+    assert lander.touchdown.off_m == pytest.approx(off_m, abs=0.05)
+
+
+def test_copter_stays_up_while_its_target_is_farther_than_it_may_be():
+    mock = flown(options=START.but({"flight.offset_m": (3.2, 0.0)}))
+    ways = [minus(mock.scene[0].at(t), mock.flight.at(t).position) for t in np.arange(6.0, 9.0, 0.01)]
+    far_m = [down for north, east, down in ways if hypot(north, east) > 2.55]
+    assert len(far_m) > 20
+    assert min(far_m) > START.flight.height_m - 0.02
+    assert mock.lander.touchdown.miss_m < 0.05
+
+
+def test_copter_sinks_at_the_landing_speed_and_half_as_fast_near_the_ground():
+    mock, speed_m_s = flown(), LAND_SPEED_M_S
+    times = np.arange(6.0, mock.lander.touchdown.at_s, 0.01)
+    heights_m = np.array([-mock.flight.at(t).position[2] for t in times])
+    at_s = {height_m: times[np.argmax(heights_m < height_m)] for height_m in (4.5, 2.5, 1.7, 0.7)}
+    assert at_s[2.5] - at_s[4.5] == pytest.approx(2.0 / speed_m_s, abs=0.1)
+    assert at_s[0.7] - at_s[1.7] == pytest.approx(1.0 / (0.5 * speed_m_s), abs=0.3)
 
 
 def test_copter_moves_along_with_a_moving_deck_comes_down_on_it_and_stays():
@@ -140,3 +162,31 @@ def test_three_outliers_in_a_row_are_rejected_and_the_fourth_is_taken():
     target = RelativeTarget()
     heard(target, 0.0, 3.0)
     assert [target.hear((2.0, 2.0), 3.0, stamp, 3.0) for stamp in range(1000, 1004)] == [False, False, False, True]
+
+
+def test_outlier_is_rejected_from_a_normalised_square_of_three_on():
+    """The gate's width by the same filter in matrices: 2.5 m/s^2 of noise in each of 400 loops a second."""
+    down_m, target = 3.0, RelativeTarget()
+    heard(target, 0.0, 3.0)
+    step, position = np.array([[1.0, STEP_S], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    noise = np.diag([0.0, STEP_S * 400.0 * (2.5 / 400.0) ** 2])
+    variance = (0.01 * down_m + 0.02) ** 2
+    cov = np.diag([variance, 2.0**2])
+    for _ in range(1, 90):
+        cov = step @ cov @ step.T + noise
+        gain = cov @ position.T / (cov[0, 0] + variance)
+        cov = cov - gain @ position @ cov
+    width_m = np.sqrt(3.0 * (cov[0, 0] + variance))
+    assert not target.hear((1.0 + 1.02 * width_m, 2.0), down_m, 1000, 3.0)
+    assert target.hear((1.0 + 0.98 * width_m, 2.0), down_m, 1001, 3.0)
+
+
+def test_late_vector_of_a_moving_target_counts_up_to_now():
+    target, speed_m_s, late_s = RelativeTarget(), 1.0, 0.2
+    for frame in range(180):
+        now_s = frame * STEP_S
+        target.advance(now_s)
+        target.hear((speed_m_s * (now_s - late_s), 0.0), 3.0, frame, now_s - late_s)
+    (north, _), (velocity, _) = target.followed
+    assert velocity == pytest.approx(speed_m_s, abs=0.02)
+    assert north == pytest.approx(speed_m_s * now_s, abs=0.03)
