@@ -24,7 +24,7 @@ from msgspec import inspect
 from fwav_companion.cli.main import COMMANDS, main
 from fwav_companion.config import Config
 from fwav_companion.tools.doctor.finding import Finding
-from fwav_companion.tools.report.reason_table import REASONS
+from fwav_companion.tools.reason_table import REASONS
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.scenarios import SCENARIOS

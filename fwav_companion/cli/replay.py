@@ -245,7 +245,7 @@ def _print_summary(summary: SummaryLine, stream: TextIO) -> None:
 
 def _explained(reason: str) -> str:
     """The reason in words after a colon, or ""."""
-    from fwav_companion.tools.report.reason_table import words_of
+    from fwav_companion.tools.reason_table import words_of
 
     return f": {words_of(reason)}".rstrip(": ")
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 class Reason(StrEnum):
     """Reasons by the names that recordings, the status file and reports show.
 
-    ``tools/report/reasons.toml`` says what each means and what to do.
+    ``tools/reasons.toml`` says what each means and what to do.
     """
 
     # A frame or a detection, as it arrives.

@@ -15,7 +15,7 @@ from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
 from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.doctor.finding import Finding
-from fwav_companion.tools.report.reason_table import judged_reasons
+from fwav_companion.tools.reason_table import judged_reasons
 from fwav_companion.types import ClockStatus, HeightSource, Reason, TrackState
 
 NAMES: dict[str, type[StrEnum]] = {

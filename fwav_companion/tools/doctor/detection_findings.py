@@ -9,7 +9,7 @@ from typing import Final
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import labels_heard
-from fwav_companion.tools.report.reason_table import REASONS, judged_reasons
+from fwav_companion.tools.reason_table import REASONS, judged_reasons
 from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from html import escape
 from math import hypot
 
+from fwav_companion.tools.reason_table import words_of
 from fwav_companion.tools.report.flight_data import FlightData
 from fwav_companion.tools.report.page_elements import figure, row, section
-from fwav_companion.tools.report.reason_table import words_of
 from fwav_companion.tools.report.wording import CAUSE_NAMES, length, spaced
 
 SMALLEST_M = 0.005

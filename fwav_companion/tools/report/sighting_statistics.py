@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 
 from fwav_companion.recording.line_types import SightingLine
-from fwav_companion.tools.report.reason_table import reasons_of
+from fwav_companion.tools.reason_table import reasons_of
 
 CAUSES = ("position", "heading", "attitude", "mount", "height", "time", "pixel", "terrain", "target")
 """Causes in the error budget of a fix, as a recording names them."""

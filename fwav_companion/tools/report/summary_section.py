@@ -9,8 +9,8 @@ from statistics import median
 
 import msgspec
 
+from fwav_companion.tools.reason_table import words_of
 from fwav_companion.tools.report.flight_data import FlightData
-from fwav_companion.tools.report.reason_table import words_of
 from fwav_companion.tools.report.target_series import SeriesPoint, TargetSeries
 from fwav_companion.tools.report.tracking_variants import PLAIN
 from fwav_companion.tools.report.wording import CAUSE_NAMES, length, spaced

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import msgspec
 
+from fwav_companion.tools.reason_table import words_of
 from fwav_companion.tools.report.calibration_section import STATUSES
-from fwav_companion.tools.report.reason_table import words_of
 from fwav_companion.tools.report.wording import length, spaced
 from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer

@@ -6,7 +6,7 @@ from pathlib import Path
 import fwav_companion.tools.doctor
 from fwav_companion.tools.doctor.causes import CAUSES
 from fwav_companion.tools.doctor.detection_findings import FILTERS
-from fwav_companion.tools.report.reason_table import judged_reasons
+from fwav_companion.tools.reason_table import judged_reasons
 
 DOCTOR = Path(fwav_companion.tools.doctor.__file__).parent
 TESTS = [Path(__file__).parent, Path(__file__).parents[2] / "cli"]

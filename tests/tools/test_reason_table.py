@@ -2,7 +2,7 @@
 
 import pytest
 
-from fwav_companion.tools.report.reason_table import REASONS, judged_reasons, reasons_of, words_of
+from fwav_companion.tools.reason_table import REASONS, judged_reasons, reasons_of, words_of
 from fwav_companion.types import Reason
 
 TRACKS = {
