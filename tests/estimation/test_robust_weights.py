@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
-from estimated_flights import Planted
+from estimated_flights import Planted, problem_of
 from simulated_flight import Flight
 
-from fwav_companion.estimation.errors import SampleNoise, priors
-from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.errors import SampleNoise
 from fwav_companion.estimation.information import sighting_rows
-from fwav_companion.estimation.kept_sightings import joined
 from fwav_companion.estimation.post_fit import judge_sightings, post_fit
-from fwav_companion.estimation.problem import Problem, State
+from fwav_companion.estimation.problem import State
 from fwav_companion.estimation.robust_weights import leave_one_out_distance2, survey_weights
 from fwav_companion.estimation.smoother import gauss_newton_step, iterate, sighting_noise
-from fwav_companion.estimation.wander import SMOOTH, place_knots
+from fwav_companion.estimation.wander import SMOOTH
 
 
 @pytest.fixture(scope="module")
@@ -21,15 +19,7 @@ def problem():
     """A turning flight of twelve seconds over one target, on a receiver that wanders by a metre."""
     flight = Flight(seconds=12.0, fps=4.7, shape="turns", height_m=8.0, pitch_deg=0.0, targets=((1.0, 2.0),))
     planted = Planted(flight, np.zeros(13), wander_m=1.0)
-    estimator = Estimator(priors(), SampleNoise(position_wander_m=1.0, height_wander_m=0.1))
-    attitudes, positions = planted.telemetry()
-    for sample in attitudes:
-        estimator.add_attitude(*sample)
-    for sample in positions:
-        estimator.add_position(*sample)
-    estimator._path.settle()
-    s = joined([frame for _, frame in planted.frames()])
-    return Problem(estimator.model, estimator.carrier, s, place_knots(s.t, float(s.t[-1]), []))
+    return problem_of(planted, SampleNoise(position_wander_m=1.0, height_wander_m=0.1))
 
 
 def fitted(problem, displaced_sigmas):

@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from estimated_flights import Planted
+from estimated_flights import Planted, problem_of
 from scipy.optimize import least_squares
 from simulated_flight import Flight
 
-from fwav_companion.estimation.errors import SampleNoise, priors
-from fwav_companion.estimation.estimator import Estimator
+from fwav_companion.estimation.errors import SampleNoise
 from fwav_companion.estimation.information import _divide_by_noise, normal_equations
-from fwav_companion.estimation.kept_sightings import Sightings, joined, thinned
+from fwav_companion.estimation.kept_sightings import Sightings, thinned
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.smoother import COMMON, iterate, sighting_noise
-from fwav_companion.estimation.wander import SMOOTH, place_knots
+from fwav_companion.estimation.wander import SMOOTH
 
 
 def all_weights(distance2):
@@ -28,16 +27,9 @@ def problem():
     flight = Flight(seconds=12.0, fps=2.5, shape="turns", height_m=8.0, pitch_deg=0.0,
                     targets=((1.0, 2.0), (-1.0, 1.0)), velocities=((0.0, 0.0),) * 2)  # fmt: skip
     planted = Planted(flight, np.array([0.02, 0.01, -0.01, 0.0, 0.02, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0]))
-    estimator = Estimator(priors(), SampleNoise(position_wander_m=0.3, height_wander_m=0.1))
-    attitudes, positions = planted.telemetry()
-    for sample in attitudes:
-        estimator.add_attitude(*sample)
-    for sample in positions:
-        estimator.add_position(*sample)
-    estimator._path.settle()
-    s = joined([frame for _, frame in planted.frames()])
-    assert len(s) > 40
-    return Problem(estimator.model, estimator.carrier, s, place_knots(s.t, float(s.t[-1]), [], stretch=4.0))
+    problem = problem_of(planted, SampleNoise(position_wander_m=0.3, height_wander_m=0.1), stretch=4.0)
+    assert len(problem.s) > 40
+    return problem
 
 
 def result_of(pieces):

@@ -12,9 +12,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
 
-from fwav_companion.estimation.errors import SampleNoise
+from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.estimator import Estimator
-from fwav_companion.estimation.kept_sightings import frame_of
+from fwav_companion.estimation.kept_sightings import frame_of, joined
+from fwav_companion.estimation.problem import Problem
+from fwav_companion.estimation.wander import place_knots
 
 PLANTED = (
     "camera delay", "mount x", "mount y", "mount z", "heading", "roll", "pitch", "height", "position delay", "lever x",
@@ -121,6 +123,19 @@ def standardised(uv, sigma_px):
     body = BODY_FROM_CAMERA
     rays, columns = body.apply(rays).T, np.stack([body.apply(du), body.apply(dv)], -1)  # (N, 3, 2)
     return rays, np.moveaxis(np.linalg.pinv(columns) / sigma_px, 0, -1)
+
+
+def problem_of(planted, noise, **knots):
+    """The least squares of the whole flight, by true targets; `knots`: options of `place_knots`."""
+    estimator = Estimator(priors(), noise)
+    attitudes, positions = planted.telemetry()
+    for sample in attitudes:
+        estimator.add_attitude(*sample)
+    for sample in positions:
+        estimator.add_position(*sample)
+    estimator._path.settle()
+    s = joined([frame for _, frame in planted.frames()])
+    return Problem(estimator.model, estimator.carrier, s, place_knots(s.t, float(s.t[-1]), [], **knots))
 
 
 def flown(planted, priors, noise=None, *, observe=None, take_over_s=0.0, **options):
