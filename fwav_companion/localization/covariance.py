@@ -272,7 +272,7 @@ def _budget(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances
         ),
         position=sqrt(sum(_flat(column) * variance for column, variance in places)),
         terrain=sqrt(_flat(terrain) * bias.terrain),
-        target=sqrt(_flat(target_height) * bias.target_height),
+        target=sqrt(_flat(target_height) * bias.target_height) or None,
     )
 
 

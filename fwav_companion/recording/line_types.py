@@ -7,7 +7,7 @@ keys. A field with a plain default (None, "", ()) is absent from the file where 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -16,7 +16,7 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import Quaternion
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.recording.summary_types import SummaryLine
-from fwav_companion.types import TrackState
+from fwav_companion.types import ErrorBudget, TrackState
 from fwav_companion.types.flight_status import ParameterReport
 
 SCHEMA = 1
@@ -133,21 +133,6 @@ class CalibrationLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=T
     """A gross error of the mount."""
 
 
-class BudgetObject(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One sigma of the horizontal position by cause, metres: :class:`~fwav_companion.types.ErrorBudget`."""
-
-    pixel: float
-    attitude: float
-    heading: float
-    height: float
-    time: float
-    mount: float
-    position: float
-    terrain: float
-    target: float | None = None
-    """Height of a standing target, only where the target has one."""
-
-
 class SightingLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, tag_field="type", tag="sighting"):
     """One detection, used or not."""
 
@@ -164,7 +149,7 @@ class SightingLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """Time to the nearest attitude, seconds."""
     reason: str | None
     """Why it gave no fix; None: it gave one."""
-    budget: BudgetObject | None
+    budget: ErrorBudget | None
     ground_ned: Vector3 | None = msgspec.field(default_factory=absent)
     """Place on the ground, NED, metres."""
     noise_cov: Matrix3 | None = msgspec.field(default_factory=absent)
@@ -244,6 +229,11 @@ Line: TypeAlias = (
     | SummaryLine
 )
 """Any line of a targets file."""
+
+
+def header_of(lines: Sequence[Line]) -> HeaderLine | None:
+    """The header; None where the first line is not one."""
+    return lines[0] if lines and isinstance(lines[0], HeaderLine) else None
 
 
 def line_unix_s(line: Line, unix_offset_s: float) -> float | None:

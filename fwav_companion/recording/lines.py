@@ -12,7 +12,6 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3, subtract, transform
 from fwav_companion.recording.line_types import (
-    BudgetObject,
     CalibrationLine,
     ClockEstimateLine,
     HeaderLine,
@@ -25,7 +24,7 @@ from fwav_companion.recording.line_types import (
     TargetLine,
 )
 from fwav_companion.recording.summary_types import FinalObject
-from fwav_companion.types import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
+from fwav_companion.types import ClockEstimate, GroundFix, Reason, Sighting, Track
 from fwav_companion.types.flight_status import ParameterReport
 from fwav_companion.types.tracks import FinalPlace
 
@@ -153,16 +152,10 @@ def sighting_line(
         q_ned_gimbal=state.ned_from_carrier if state and state.gimbal is not None else None,
         gap_s=state.gap_s if state else gap_s,
         reason=reason.value if reason else None,
-        budget=_budget_object(fix.budget) if fix else None,
+        budget=fix.budget if fix else None,
         ground_ned=fix.position_ned if fix else None,
         noise_cov=fix.noise_cov if fix else None,
     )
-
-
-def _budget_object(budget: ErrorBudget) -> BudgetObject:
-    """The error budget by cause; the height of a standing target only where the target has one."""
-    causes = msgspec.structs.asdict(budget)
-    return BudgetObject(**causes | {"target": budget.target or None})
 
 
 def clock_line(

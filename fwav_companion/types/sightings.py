@@ -146,7 +146,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
         return self.state.boot_ns
 
 
-class ErrorBudget(msgspec.Struct, frozen=True, gc=False):
+class ErrorBudget(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     """One sigma of the horizontal position by cause, m: square root of the trace of each cause's covariance."""
 
     pixel: float
@@ -157,8 +157,8 @@ class ErrorBudget(msgspec.Struct, frozen=True, gc=False):
     mount: float
     position: float
     terrain: float
-    target: float = 0.0
-    """Height of a standing target."""
+    target: float | None = None
+    """Height of a standing target; None of one that lies on the ground: recordings then have no such key."""
 
 
 class NoFix(msgspec.Struct, frozen=True):
