@@ -238,7 +238,7 @@ def _print_summary(summary: SummaryLine, stream: TextIO) -> None:
         from fwav_companion.tools.locate.answers import shared_line
 
         for shared in summary.shared_errors:
-            print(f"  {shared_line(msgspec.structs.asdict(shared))}", file=stream)
+            print(f"  {shared_line(shared)}", file=stream)
     if summary.errors is not None:
         _print_errors(summary.errors, stream)
 

@@ -101,8 +101,7 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
     ) -> list[SharedErrorObject]:
         from fwav_companion.tools.locate.replayed_sights import shared_errors
 
-        found = shared_errors(sights, self.calibration.lens, config, downs)
-        return msgspec.convert(found, list[SharedErrorObject])
+        return shared_errors(sights, self.calibration.lens, config, downs)
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:

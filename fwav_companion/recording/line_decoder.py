@@ -15,7 +15,7 @@ DAMAGE: Final = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
 
 class _TypeOfLine(msgspec.Struct):
-    """What tells a line of another version from a damaged one."""
+    """The type of any line, also of one that a later version wrote."""
 
     type: str
 

@@ -62,9 +62,7 @@ def flown(layout: str, seed: int) -> bool:
             said = f"{error_m:.2f} m off, 95 % {answer.radius95_m:.2f} m, 99.9 % {claimed_m:.2f} m"
             print(f"{layout}: tag {mark.tag_id} in {len(answer.pictures)} pictures: {said}")
         for shared in answers.shared:
-            print(
-                f"{layout}: shared {shared['error']} {shared['value']:+.2f} +- {shared['sigma']:.2f} {shared['unit']}"
-            )
+            print(f"{layout}: shared {shared.error} {shared.value:+.2f} +- {shared.sigma:.2f} {shared.unit}")
         if answers.contradiction:
             print(f"{layout}: {answers.contradiction}")
     return good

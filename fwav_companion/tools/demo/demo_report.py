@@ -18,7 +18,7 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.on_disk import whole
 from fwav_companion.pipeline.pipeline_factory import own_components
-from fwav_companion.recording.line_types import HeaderLine, Line, OriginObject
+from fwav_companion.recording.line_types import Line, OriginObject, header_of
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import join, replay
 from fwav_companion.replay.telemetry_files import load_telemetry
@@ -49,12 +49,13 @@ def write_report(
     """The report's path, and its results as sentences. ``progress`` is called with the name of each step."""
     progress("the flight, replayed")
     lines = _replayed(recording, load(recording / CONFIG_FILE))
+    header = header_of(lines)
     truth = [json.loads(line) for line in (out / "truth.jsonl").read_text(encoding="utf-8").splitlines()]
     flight = flight_data(
         lines,
         title="Tags found from a flapping wing",
         truth=parse_truth((out / "truth.csv").read_text(encoding="utf-8"), "truth.csv"),
-        true_path=true_path(truth, _origin(lines)),
+        true_path=true_path(truth, None if header is None else header.origin),
         picture=_picture(flight_arguments, out, recording),
         notes=[
             f"A demonstration with seed {setup.seed}: nothing was attached. {NOTE}",
@@ -105,10 +106,6 @@ def true_path(truth: Sequence[Mapping[str, Any]], origin: OriginObject | None) -
         mock, ours = msgspec.convert(truth[0]["origin"], OriginObject).plane, origin.plane
         positions = [ours.ned_from_geodetic(mock.geodetic_from_ned(position)) for position in positions]
     return TrueVehiclePath(times_boot_s=[line["boot_ns"] * 1e-9 for line in vehicle], positions_ned=positions)
-
-
-def _origin(lines: Sequence[Line]) -> OriginObject | None:
-    return lines[0].origin if isinstance(lines[0], HeaderLine) else None
 
 
 def _replayed(recording: Path, config: Config) -> list[Line]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import degrees, hypot, log, sqrt
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -14,6 +14,7 @@ from fwav_companion.geometry.geoid import Geoid
 from fwav_companion.geometry.map_grid import utm_from_degrees
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.photographs.picture_pose import AltDatum
+from fwav_companion.recording.summary_types import SharedErrorObject
 from fwav_companion.tools.locate.shots import PixelPrediction, Place, SharedError, SharedEstimate, SightsEstimate
 from fwav_companion.tools.locate.world import PictureWorld
 
@@ -94,7 +95,7 @@ class PlaceAnswers(msgspec.Struct, frozen=True, kw_only=True):
     """The answer of one call."""
 
     targets: list[PlaceAnswer]
-    shared: list[dict[str, Any]]
+    shared: list[SharedErrorObject]
     """Errors that all pictures share, as far as the sights show them."""
     assumed: list[str]
     contradiction: str = ""
@@ -113,7 +114,7 @@ def answers_from(estimate: SightsEstimate, world: PictureWorld, geoid: Geoid, as
     """The answers in the order of the targets."""
     return PlaceAnswers(
         targets=[_answer(place, world, geoid) for place in estimate.places],
-        shared=[shared_as_dict(each) for each in estimate.shared],
+        shared=[shared_error(each) for each in estimate.shared],
         assumed=list(dict.fromkeys(assumed)),
         contradiction=estimate.contradiction,
         unverified=estimate.unverified,
@@ -147,23 +148,23 @@ def answer_lines(answer: PlaceAnswer) -> list[str]:
     return lines
 
 
-def shared_as_dict(each: SharedEstimate) -> dict[str, Any]:
+def shared_error(each: SharedEstimate) -> SharedErrorObject:
     """One shared error in its unit."""
-    return {
-        "error": each.error.name.lower(),
-        "group": each.group,
-        "unit": _unit(each.error),
-        "value": _in_unit(each.error, each.value),
-        "sigma": _in_unit(each.error, each.sigma),
-        "prior_sigma": _in_unit(each.error, each.prior),
-    }
+    return SharedErrorObject(
+        error=each.error.name.lower(),
+        group=each.group,
+        unit=_unit(each.error),
+        value=_in_unit(each.error, each.value),
+        sigma=_in_unit(each.error, each.sigma),
+        prior_sigma=_in_unit(each.error, each.prior),
+    )
 
 
-def shared_line(shared: Mapping[str, Any]) -> str:
+def shared_line(shared: SharedErrorObject) -> str:
     """What the sights say about one shared error."""
     return (
-        f"shared by all pictures: {shared['error']} {shared['value']:+.2f} {shared['unit']} "
-        f"(sigma {shared['sigma']:.2f}, before {shared['prior_sigma']:.2f})"
+        f"shared by all pictures: {shared.error} {shared.value:+.2f} {shared.unit} "
+        f"(sigma {shared.sigma:.2f}, before {shared.prior_sigma:.2f})"
     )
 
 

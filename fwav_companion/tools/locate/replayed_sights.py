@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import radians
 from statistics import median
-from typing import Any
 
 from fwav_companion.config import Config
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.tools.locate.answers import shared_as_dict
+from fwav_companion.recording.summary_types import SharedErrorObject
+from fwav_companion.tools.locate.answers import shared_error
 from fwav_companion.tools.locate.estimate import locate
 from fwav_companion.tools.locate.shots import SHARED_COUNT, SharedError, Shot, Sight, SightsEstimate
 from fwav_companion.tools.locate.surfaces import FlatSurface, Surface
@@ -46,7 +46,7 @@ class LevelOfFixes:
 
 def shared_errors(
     sights: Mapping[int, Sequence[Sighting]], lens: Lens, config: Config, downs: Sequence[float] = ()
-) -> list[dict[str, Any]]:
+) -> list[SharedErrorObject]:
     """The shared errors whose sigma the sights at least halve; ``config`` has their priors.
 
     ``downs``: levels of the targets where the ground is an elevation model.
@@ -71,7 +71,7 @@ def shared_errors(
         terrain_m = config.uncertainty.terrain_m
         surface = FlatSurface(0.0, RELIEF_M if terrain_m == "auto" else max(0.01, float(terrain_m)))
     estimate = locate(shots, looks, surface, [_priors(config)])
-    return [shared_as_dict(each) for each in estimate.shared] if isinstance(estimate, SightsEstimate) else []
+    return [shared_error(each) for each in estimate.shared] if isinstance(estimate, SightsEstimate) else []
 
 
 def _shot(sighting: Sighting, lens: Lens) -> Shot:

@@ -7,7 +7,7 @@ from math import hypot
 from statistics import median
 
 from fwav_companion.geometry.ellipses import NORMAL_95
-from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, Line
+from fwav_companion.recording.line_types import ClockEstimateLine, Line, header_of
 from fwav_companion.tools.report.drawing import LinearAxes, drawing, polygon, polyline, thinned
 from fwav_companion.tools.report.flight_data import ClockSample, FlightData
 from fwav_companion.tools.report.page_elements import figure, key, section
@@ -77,7 +77,8 @@ def clock_offset_section(lines: Sequence[Line], start: float) -> str:
     clock = settled_clock([line for line in lines if isinstance(line, ClockEstimateLine)])
     if len(clock) < 2:
         return ""
-    offset_s = lines[0].unix_offset_s if isinstance(lines[0], HeaderLine) else 0.0
+    header = header_of(lines)
+    offset_s = 0.0 if header is None else header.unix_offset_s
     times = [line.time_monotonic + offset_s - start for line in clock]
     moved_ms = [1e3 * (line.host_from_autopilot_s - clock[-1].host_from_autopilot_s) for line in clock]
     errors_ms = [1e3 * NORMAL_95 * line.sigma_s for line in clock]

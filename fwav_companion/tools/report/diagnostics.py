@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, TargetLine, line_unix_s
+from fwav_companion.recording.line_types import CalibrationLine, Line, TargetLine, header_of, line_unix_s
 from fwav_companion.tools.report.clock_section import clock_offset_section
 from fwav_companion.tools.report.drawing import LinearAxes, Point, circle, drawing, line, thinned
 from fwav_companion.tools.report.flight_data import TIMED
@@ -45,7 +45,8 @@ def diagnostics(lines: Sequence[Line]) -> list[str]:
 
 def _start(lines: Sequence[Line]) -> float:
     """Unix time of the first line with a time."""
-    offset_s = lines[0].unix_offset_s if lines and isinstance(lines[0], HeaderLine) else 0.0
+    header = header_of(lines)
+    offset_s = 0.0 if header is None else header.unix_offset_s
     times = [line_unix_s(line, offset_s) for line in lines if isinstance(line, TIMED)]
     return min((at_s for at_s in times if at_s is not None), default=0.0)
 

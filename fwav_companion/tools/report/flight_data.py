@@ -19,6 +19,7 @@ from fwav_companion.recording.line_types import (
     OriginLine,
     SightingLine,
     TargetLine,
+    header_of,
     line_unix_s,
 )
 from fwav_companion.recording.summary_types import SummaryLine
@@ -196,9 +197,9 @@ def flight_data(
 
     ``recorded``: the recording's messages where it may hold a landing.
     """
-    header, end_line = lines[0], lines[-1]
-    if not isinstance(header, HeaderLine):
-        raise TypeError(f"the first line is not a header: {header!r}")
+    header, end_line = header_of(lines), lines[-1]
+    if header is None:
+        raise TypeError(f"the first line is not a header: {lines[0]!r}")
     summary = end_line if isinstance(end_line, SummaryLine) else CUT_OFF
     sightings = [line for line in lines if isinstance(line, SightingLine)]
     place = next((line.origin for line in lines if isinstance(line, HeaderLine | OriginLine) and line.origin), None)

@@ -14,7 +14,7 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
 from fwav_companion.on_disk import open_regular, write_page
 from fwav_companion.recording.line_decoder import LinesRead, read_lines
-from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, SightingLine, TargetLine
+from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, SightingLine, TargetLine, header_of
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
     VARIANTS,
@@ -93,7 +93,7 @@ class ReportWriter:
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
     """The path of the page that compares two targets files. InputFileError where a file cannot be read."""
-    ours, theirs = _targets(first), _targets(second)
+    (our_header, ours), (their_header, theirs) = _targets(first), _targets(second)
     flights: tuple[FlightData, FlightData] = (
         flight_data(ours.lines, title=first.name, truth=truth, others=[ReplayedLines("B", "own", theirs.lines)]),
         flight_data(theirs.lines, title=second.name, truth=truth, others=[ReplayedLines("A", "own", ours.lines)]),
@@ -104,7 +104,7 @@ def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[Tr
         for count, words in ((read.damaged, "damaged lines"), (read.unknown, "lines of unknown types"))
         if count
     ]
-    differences = _differences(_configuration(ours), _configuration(theirs))
+    differences = _differences(our_header.config, their_header.config)
     return write_page(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
 
 
@@ -115,22 +115,19 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
     return str(first), str(second)
 
 
-def _configuration(read: LinesRead) -> Mapping[str, Any]:
-    return read.lines[0].config if isinstance(read.lines[0], HeaderLine) else {}
-
-
-def _targets(path: Path) -> LinesRead:
-    """The whole lines, the header first."""
+def _targets(path: Path) -> tuple[HeaderLine, LinesRead]:
+    """The header, and the whole lines, of which it is the first."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
         with open_regular(path) as file:
             read = read_lines(file)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
-    if not read.lines or not isinstance(read.lines[0], HeaderLine):
+    header = header_of(read.lines)
+    if header is None:
         left_out = f" ({read.damaged} lines are not lines of such a file)" if read.damaged else ""
         raise InputFileError(f"{path}: its first line is not a header{left_out}; {accepted}")
-    return read
+    return header, read
 
 
 def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[ConfigDifference]:

@@ -20,7 +20,7 @@ from fwav_companion.recording.truth import Truth, TruthPoint, parse_truth
 from fwav_companion.recording.truth_errors import ErrorTally, error_sample
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.tools.study.flight_draw import FlightDraw, draw_flight
-from fwav_companion.tools.study.flight_record import DRAWN, FOUND, POINTS, FlightRecord
+from fwav_companion.tools.study.flight_record import DRAWN, POINTS, FlightRecord
 from fwav_companion.tools.study.mock_process import FlownFlight
 from fwav_companion.tools.study.study_plan import StudyPlan
 
@@ -107,11 +107,11 @@ class FlightAnswer:
             "in_view": flown.in_view,
             "fixes": summary.fixes,
         }
-        if target.state != FOUND:
+        if target.track is None:
             return FlightRecord(**common, no_answer=_why(summary, flown))
-        series = self._tracks[target.track or 0]
+        series = self._tracks[target.track]
         _, sample, claimed95_m, north, east = series[-1]
-        limits = (summary.limits or {}).get(target.track or 0, {})
+        limits = (summary.limits or {}).get(target.track, {})
         return FlightRecord(
             **common,
             no_answer="",
