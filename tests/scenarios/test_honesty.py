@@ -10,7 +10,7 @@ from math import cos, degrees, sin, tau
 from random import Random
 
 import pytest
-from draws import draws_of
+from draws import draws_of, slow_of
 from flying import Companion
 from kept import kept
 from scipy.stats import binom, chi2
@@ -113,15 +113,14 @@ def share_inside(flights: int) -> tuple[int, float]:
     return len(together), sum(square < chi2.ppf(0.9, 2) for square in together) / len(together)
 
 
-@pytest.mark.parametrize("flights", [FEW, pytest.param(SOME, marks=pytest.mark.slow)])
-def test_a_claimed_ellipse_of_90_percent_holds_as_many_as_few_draws_can_show(flights):
-    n, share = share_inside(flights)
+def test_a_claimed_ellipse_of_90_percent_holds_as_many_as_few_draws_can_show():
+    n, share = share_inside(FEW)
     low, high = binom.ppf([0.0005, 0.9995], n, 0.9) / n
     assert low <= share <= high
 
 
-@pytest.mark.nightly
 @pytest.mark.timeout(1800)
-def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100():
-    _, share = share_inside(MANY)
+@pytest.mark.parametrize("flights", slow_of(SOME, MANY, few=1))
+def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100(flights):
+    _, share = share_inside(flights)
     assert 0.85 < share < 0.95

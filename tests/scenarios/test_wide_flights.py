@@ -23,8 +23,7 @@ from sitl_mock.earth import Place
 
 FEW, SOME, MANY = 2, 16, 30
 """Flights of each kind by default, in the slow part and by night: 18, 144 and 270 draws. Of 16 flights whose claims are
-half or twice the error, the sum of squares is outside its limits in 99 and 96 cases of a
-hundred."""
+half or twice the error, the sum of squares is outside its limits in 99 and 96 cases of a hundred."""
 FIRST_SEED = 20000
 TERRAIN_M = 0.5
 COPTER = ("camera.readout_s=0.0",)
@@ -126,18 +125,10 @@ def test_fixes_are_as_good_as_they_claim(name, flights):
     assert low <= inside <= high
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_a_claimed_ellipse_of_90_percent_holds_as_many_as_the_draws_can_show():
-    together = [each for name in SHORT for each in squares_of(name, SOME)]
-    low, high = binom.ppf([0.0005, 0.9995], len(together), 0.9)
-    assert low <= sum(each < chi2.ppf(0.9, 2) for each in together) <= high
-
-
-@pytest.mark.nightly
-@pytest.mark.timeout(3600)
-def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100():
-    together = [each for name in SHORT for each in squares_of(name, MANY)]
+@pytest.mark.parametrize("flights", slow_of(SOME, MANY, few=1))
+def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100(flights):
+    together = [each for name in SHORT for each in squares_of(name, flights)]
     assert 0.85 < sum(each < chi2.ppf(0.9, 2) for each in together) / len(together) < 0.95
 
 
