@@ -5,12 +5,17 @@ from __future__ import annotations
 import contextlib
 import select
 import socket
+import struct
 import threading
 import time
 from typing import Any
 
 from processes import free_port
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+SO_TIMESTAMPNS = 35
+"""Linux's socket option (asm-generic/socket.h): the kernel's time of reception, CLOCK_REALTIME, with each datagram."""
+TIMESPEC = struct.Struct("qq")
 
 
 class Tap:
@@ -19,12 +24,13 @@ class Tap:
     def __init__(self, service_port: int) -> None:
         self.port = free_port()
         self.seen: list[tuple[float, Any]] = []
-        """(time, message) of everything sent to the autopilot."""
+        """(time, message) of everything sent to the autopilot, by the kernel: this thread's work is not in it."""
         self._vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._vehicle.bind(("127.0.0.1", self.port))
         self._service = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._service.connect(("127.0.0.1", service_port))
         self._service.setblocking(False)
+        self._service.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self._peer: tuple[str, int] | None = None
         self._parser = dialect.MAVLink(None)
         self._parser.robust_parsing = True
@@ -65,7 +71,9 @@ class Tap:
         self._service.send(data)
 
     def _downward(self) -> None:
-        data = self._service.recv(65536)
-        self.seen += [(time.monotonic(), message) for message in self._parser.parse_buffer(data) or []]
+        data, ((_, _, stamp), *_), _, _ = self._service.recvmsg(65536, socket.CMSG_SPACE(TIMESPEC.size))
+        whole_s, ns = TIMESPEC.unpack(stamp)
+        at_s = whole_s + ns / 1e9 - (time.time() - time.monotonic())
+        self.seen += [(at_s, message) for message in self._parser.parse_buffer(data) or []]
         if self._peer is not None:
             self._vehicle.sendto(data, self._peer)
