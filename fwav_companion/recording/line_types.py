@@ -1,8 +1,8 @@
 """The lines of a targets file (schema 1), one Struct for each type. PURE.
 
 ``run``, ``replay`` and ``demo`` write them, ``line_decoder`` reads them. The order of the fields is that of the file's
-keys. A field with a plain default (None, "", ()) is absent from the file where it has that value; a field of
-:func:`absent` is always written, and files of earlier versions may lack it. Unknown fields are ignored.
+keys. Files of earlier versions may lack a field with a default. With ``omit_defaults`` it is absent where it has a
+plain default (None, "", ()), and a field of :func:`null` is written nevertheless. Unknown fields are ignored.
 """
 
 from __future__ import annotations
@@ -26,13 +26,8 @@ PlausibleSeconds = Annotated[float, msgspec.Meta(ge=-9e9, le=9e9)]
 """A time since 1970, or since a start, or their difference: the sum of two fits into MCAP's 64 bits of nanoseconds."""
 
 
-def absent() -> None:
-    """None of a field that a file lacks: ``omit_defaults`` leaves out plain defaults alone."""
-
-
-def no_table() -> dict[str, Any]:
-    """An empty table that is written nevertheless."""
-    return {}
+def null() -> None:
+    """None as a default that is written: ``omit_defaults`` leaves out plain defaults alone."""
 
 
 class OriginObject(msgspec.Struct, frozen=True):
@@ -63,26 +58,26 @@ class HeaderLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", ta
     """None: not known when the header was written."""
     unix_offset_s: PlausibleSeconds
     """Recording's clock minus the host's monotonic clock, seconds."""
-    config: Mapping[str, Any] = msgspec.field(default_factory=no_table)
+    config: Mapping[str, Any] = {}
     """The configuration by table and key, without secrets."""
 
 
 class OriginLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="origin"):
     """An origin that became known after the header was written; also where a global position is lost or comes back."""
 
-    time_unix: PlausibleSeconds | None = msgspec.field(default_factory=absent)
+    time_unix: PlausibleSeconds | None = None
     origin: OriginObject | None
-    lat: float | None = msgspec.field(default_factory=absent)
-    lon: float | None = msgspec.field(default_factory=absent)
-    alt_amsl: float | None = msgspec.field(default_factory=absent)
-    yaw_deg: float | None = msgspec.field(default_factory=absent)
+    lat: float | None = None
+    lon: float | None = None
+    alt_amsl: float | None = None
+    yaw_deg: float | None = None
     """Yaw of NED's north in the autopilot's."""
 
 
 class HomeLine(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="home"):
     """A change of the home surface."""
 
-    time_unix: PlausibleSeconds | None = msgspec.field(default_factory=absent)
+    time_unix: PlausibleSeconds | None = None
     down: float
     """Home surface in NED, metres."""
 
@@ -106,10 +101,10 @@ class ClockEstimateLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults
     sigma_s: float
     bound_s: float
     """Hard bound of the error, seconds."""
-    round_trip_s: float | None = msgspec.field(default_factory=absent)
-    rate: float | None = msgspec.field(default_factory=absent)
+    round_trip_s: float | None = msgspec.field(default_factory=null)
+    rate: float | None = msgspec.field(default_factory=null)
     """Seconds of the host's clock in a second of the autopilot's."""
-    utc_minus_time_unix_s: float | None = msgspec.field(default_factory=absent)
+    utc_minus_time_unix_s: float | None = msgspec.field(default_factory=null)
     status: str = ""
 
 
@@ -125,7 +120,7 @@ class CalibrationLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=T
     """Mount correction, a rotation vector about the body axes, degrees."""
     mount_sigma_deg: Vector3
     status: str
-    reason: str | None = msgspec.field(default_factory=absent)
+    reason: str | None = msgspec.field(default_factory=null)
     """What is missing; None when calibrated."""
     parameters: tuple[ParameterReport, ...] = ()
     """Status of each parameter, where the smoother estimates."""
@@ -140,19 +135,19 @@ class SightingLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     index: int
     """Index of the detection in its frame."""
     time_boot: float | None
-    ray_ned: Vector3 | None = msgspec.field(default_factory=absent)
+    ray_ned: Vector3 | None = msgspec.field(default_factory=null)
     """Unit vector from the camera, NED."""
     camera_ned: Vector3 | None
-    q_ned_body: Quaternion | None = msgspec.field(default_factory=absent)
+    q_ned_body: Quaternion | None = msgspec.field(default_factory=null)
     q_ned_gimbal: Quaternion | None = None
     gap_s: float | None
     """Time to the nearest attitude, seconds."""
     reason: str | None
     """Why it gave no fix; None: it gave one."""
     budget: ErrorBudget | None
-    ground_ned: Vector3 | None = msgspec.field(default_factory=absent)
+    ground_ned: Vector3 | None = msgspec.field(default_factory=null)
     """Place on the ground, NED, metres."""
-    noise_cov: Matrix3 | None = msgspec.field(default_factory=absent)
+    noise_cov: Matrix3 | None = msgspec.field(default_factory=null)
     """Covariance of the fix's noise alone, NED, m^2."""
 
 
@@ -178,7 +173,7 @@ class TargetLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, 
     """State of one live track after one processed frame."""
 
     time_unix: PlausibleSeconds
-    time_boot: float | None = msgspec.field(default_factory=absent)
+    time_boot: float | None = msgspec.field(default_factory=null)
     frame: int | None
     track: int
     label: str
@@ -191,14 +186,14 @@ class TargetLine(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, 
     """NED, metres."""
     east: PlausibleMetres
     down: PlausibleMetres
-    lat: float | None = msgspec.field(default_factory=absent)
-    lon: float | None = msgspec.field(default_factory=absent)
-    alt_amsl: float | None = msgspec.field(default_factory=absent)
+    lat: float | None = msgspec.field(default_factory=null)
+    lon: float | None = msgspec.field(default_factory=null)
+    alt_amsl: float | None = msgspec.field(default_factory=null)
     cov: Matrix3
     """By every source of error, NED, m^2."""
-    vel: Vector3 | None = msgspec.field(default_factory=absent)
-    vel_cov: Matrix3 | None = msgspec.field(default_factory=absent)
-    relative: PlaceObject | None = msgspec.field(default_factory=absent)
+    vel: Vector3 | None = msgspec.field(default_factory=null)
+    vel_cov: Matrix3 | None = msgspec.field(default_factory=null)
+    relative: PlaceObject | None = msgspec.field(default_factory=null)
     """Target minus vehicle at this capture; None without a position of the vehicle."""
     fix: PlaceObject | None
     """The fix of this frame alone."""
