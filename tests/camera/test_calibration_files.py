@@ -249,12 +249,36 @@ def test_four_numbers_without_a_models_name_are_refused_with_the_fix():
         parse_calibration(text, "camera.yaml")
 
 
-def test_a_bomb_of_aliases_is_refused_quickly():
-    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1]"]
-    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
-    text = "\n".join([*lines, "model: kannala_brandt", "image_size: *a11"])
-    with pytest.raises(InputFileError, match="a0"):
+def bomb(of: str, again: str) -> str:
+    """Nine times nine ... of one value, by aliases."""
+    lines = [f"a0: &a0 {of}"]
+    lines += [f"a{i}: &a{i} {again.format(', '.join([f'*a{i - 1}'] * 9))}" for i in range(1, 12)]
+    return "\n".join([*lines, "model: kannala_brandt", "image_size: *a11\n"])
+
+
+@pytest.mark.parametrize("documents", [1, 2])
+@pytest.mark.parametrize(("of", "again"), [("[1, 1, 1]", "[{}]"), ("{k: 1}", "{{<<: [{}]}}")], ids=["lists", "merges"])
+def test_a_bomb_of_aliases_is_refused_quickly(of, again, documents):
+    with pytest.raises(InputFileError, match="more than 32 aliases"):
+        parse_calibration("---\n".join([bomb(of, again)] * documents), "camera.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(f"{NATIVE}x: !!{tag} {value}\n" for tag, value in (
+            ("bool", "foo"), ("int", "''"), ("float", "'_'"), ("float", "1:" * 300 + "1"), ("timestamp", "foo"),
+            ("binary", "é"), ("set", "[1]"),
+        )),
+        "{'lensmodel': {[1]: 2}}",
+        "{'lensmodel': {1, [2]}}",
+        f"{NATIVE}x: &a [*a]\n---\n{NATIVE}x: &a [*a]\n",
+    ],
+)  # fmt: skip
+def test_values_that_contradict_their_tags_or_contain_themselves_are_one_line(text):
+    with pytest.raises(InputFileError, match="accepted") as refusal:
         parse_calibration(text, "camera.yaml")
+    assert len(str(refusal.value).splitlines()) == 1
 
 
 @settings(derandomize=True, max_examples=150, deadline=None)
