@@ -34,7 +34,9 @@ MOST_UNZIPPED = 100_000_000
 """Most bytes of a zipped .hgt; a tile of one arc second has 26 million."""
 MOST_SAMPLES = 40_000_000
 """Most samples of a GeoTIFF: 160 MB in memory. A tile of one arc second has 13 million."""
-RASTER_SUFFIXES = (".tif", ".tiff", ".dt0", ".dt1", ".dt2")
+RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".dt0": "DTED", ".dt1": "DTED", ".dt2": "DTED"}
+"""GDAL's driver by the suffix. Left to choose by the content, GDAL takes drivers that fetch from the network, or read any
+other file that the content names (VRT, WMS)."""
 ACCEPTED = ".hgt, .hgt.zip, .tif, .tiff, .dt0, .dt1 and .dt2"
 
 
@@ -51,7 +53,7 @@ def _read(path: Path) -> ElevationTile:
             return _read_hgt(path)
         if path.name.lower().endswith(".hgt.zip"):
             return _read_zipped_hgt(path)
-        if suffix in RASTER_SUFFIXES:
+        if suffix in RASTER_DRIVERS:
             return _read_geotiff(path)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}; accepted: a readable elevation file") from error
@@ -126,7 +128,8 @@ def _read_geotiff(path: Path) -> ElevationTile:
     from rasterio.vrt import WarpedVRT
 
     try:
-        with rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"), rasterio.open(path) as source:
+        with rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"), rasterio.open(path, driver=RASTER_DRIVERS[path.suffix.lower()]) as source:
+            _require_samples(path, source)
             if source.crs is None:
                 raise InputFileError(f"{path}: it has no coordinate system; accepted: a georeferenced GeoTIFF")
             if source.dtypes[0].startswith("complex"):
@@ -145,6 +148,15 @@ def _read_geotiff(path: Path) -> ElevationTile:
         raise InputFileError(f"{path}: not supported ({reason[:160]}); accepted: a GeoTIFF of heights") from None
 
 
+def _require_samples(path: Path, source: Any) -> None:
+    """Refuse a size before samples are read: a file of some kilobytes may state any."""
+    rows, columns = source.height, source.width
+    if rows < 2 or columns < 2 or rows * columns > MOST_SAMPLES:
+        raise InputFileError(
+            f"{path}: it has {columns} x {rows} samples; accepted: 2 x 2 to {MOST_SAMPLES} in all, so a part of it"
+        )
+
+
 def _void_of(source: Any) -> float | None:
     """The value of voids: as tagged, else the lowest one if no land lies there. Resampling would blend it with land."""
     if source.nodata is not None:
@@ -159,11 +171,8 @@ def _metres_per_unit(source: Any) -> float:
 
 
 def _tile(path: Path, source: Any) -> ElevationTile:
+    _require_samples(path, source)
     rows, columns, transform = source.height, source.width, source.transform
-    if rows < 2 or columns < 2 or rows * columns > MOST_SAMPLES:
-        raise InputFileError(
-            f"{path}: it has {columns} x {rows} samples; accepted: 2 x 2 to {MOST_SAMPLES} in all, so a part of it"
-        )
     band = source.read(1, masked=True, out_dtype="float32").filled(nan)
     band = (band * source.scales[0] + source.offsets[0]) * _metres_per_unit(source)
     band[~((band >= LOWEST_M) & (band <= HIGHEST_M))] = nan

@@ -167,6 +167,31 @@ def test_the_limit_of_memory_ends_with_the_command_and_large_has_none():
     assert not is_want_of_memory(RuntimeError("a wrong shape"))
 
 
+def test_a_geotiff_of_a_gigapixel_is_refused_before_its_samples_are_read(tmp_path):
+    """In UTM and without a void, for which all samples were looked at: 110 kB took 1.2 GB."""
+    path = tmp_path / "t.tif"
+    shape = {"width": 20_000, "height": 20_000, "count": 1, "dtype": "uint8", "tiled": True, "sparse_ok": True}
+    place = {"crs": "EPSG:32632", "transform": Affine(1, 0, 5e5, 0, -1, 5e6)}
+    rasterio.open(path, "w", driver="GTiff", compress="deflate", **shape, **place).close()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputFileError, match="20000 x 20000 samples"):
+        read_elevation([path])
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000, "kB"
+
+
+@pytest.mark.parametrize("source", ["/etc/passwd", "/vsicurl/http://127.0.0.1:9/t.tif"])
+def test_an_elevation_file_that_names_other_files_is_refused_and_reads_none(tmp_path, source):
+    """A VRT, which GDAL knew by its content, whatever the suffix."""
+    path = tmp_path / "t.tif"
+    path.write_text(
+        '<VRTDataset rasterXSize="4" rasterYSize="4"><SRS>EPSG:4326</SRS><GeoTransform>8,1,0,47,0,-1</GeoTransform>'
+        '<VRTRasterBand dataType="Byte" band="1" subClass="VRTRawRasterBand"><SourceFilename relativetoVRT="0">'
+        f"{source}</SourceFilename><PixelOffset>1</PixelOffset><LineOffset>4</LineOffset></VRTRasterBand></VRTDataset>"
+    )
+    with pytest.raises(InputFileError, match="not recognized as being in a supported file format"):
+        read_elevation([path])
+
+
 ROOMLESS = {
     "no operation": ('LOCAL_CS["x",UNIT["metre",1]]', Affine(1, 0, 0, 0, -1, 0), "float32", "not supported"),
     "no inverse": ("EPSG:32632", Affine(0, 0, 500000, 0, 0, 5000000), "float32", "not supported"),
