@@ -13,6 +13,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from dealt_tests import dealt
 from hypothesis import settings
 from kept import FOLDER
 
@@ -24,6 +25,9 @@ settings.load_profile("repeatable")
 
 WAITING_WORKERS = 3
 """Workers beyond one a core: the tests in real time wait for nine tenths of their time."""
+
+LONG_S = 300.0
+"""The common time limit (pyproject.toml): a test that has a larger one is long."""
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
@@ -64,6 +68,20 @@ def _compile_once() -> None:
     folder = os.environ.setdefault("PYTHONPYCACHEPREFIX", str(Path(os.environ[FOLDER]) / "bytecode"))
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.pycache_prefix, sys.dont_write_bytecode = folder, False
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let every worker begin with its share of the long tests, which are those that need a time limit of their own."""
+    long = sorted((each for each in items if _limit_s(each) > LONG_S), key=_limit_s, reverse=True)
+    short = [each for each in items if _limit_s(each) <= LONG_S]
+    items[:] = dealt(long, short, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+def _limit_s(item: pytest.Item) -> float:
+    """The time limit that a test has of its own, seconds; 0 without one."""
+    mark = item.get_closest_marker("timeout")
+    return 0.0 if mark is None else float(mark.args[0])
 
 
 @pytest.hookimpl(wrapper=True)
