@@ -10,6 +10,7 @@ from typing import BinaryIO
 from fwav_companion.errors import InputFileError
 from fwav_companion.ground.picture import GroundPicture
 from fwav_companion.ground.recorded_lines import PictureLine, RecordedLine, RecordedLines
+from fwav_companion.on_disk import open_regular
 from fwav_companion.recording.line_decoder import LineDecoder
 from fwav_companion.recording.line_types import HeaderLine, line_unix_s
 
@@ -35,16 +36,14 @@ class ReplayReader:
         self._implausible = 0
         """Whole lines that were left out for their numbers."""
         try:
-            self._file = Path(path).open("rb")  # noqa: SIM115  # it is read over the whole run
+            self._file = open_regular(Path(path))  # it is read over the whole run
         except OSError as error:
             raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
         self._source = self._lines_by_time(self._file)
-        self._next: tuple[float, RecordedLine] | None
-        try:
-            self._next = next(self._source)
-        except StopIteration:
+        self._next: tuple[float, RecordedLine | None] | None = next((each for each in self._source if each[1]), None)
+        if self._next is None:
             self._file.close()
-            raise InputFileError(f"{path}: is not a recording, or has no line with a time; {ACCEPTED}") from None
+            raise InputFileError(f"{path}: is not a recording, or has no line with a time; {ACCEPTED}")
         self._start_unix = self._newest_unix = self._next[0]
         self._began_s: float | None = None
         self._reported = 0
@@ -70,7 +69,8 @@ class ReplayReader:
                 return
             self._newest_unix, line = self._next
             self._next = next(self._source, None)
-            self._take(line)
+            if line is not None:
+                self._take(line)
             if self._damaged != self._reported:
                 self._reported = self._damaged
                 self._say(f"plays at {self._speed:g}x")
@@ -97,8 +97,10 @@ class ReplayReader:
         """Release the file."""
         self._file.close()
 
-    def _lines_by_time(self, file: BinaryIO) -> Iterator[tuple[float, RecordedLine]]:
-        """Lines with their times, which never decrease; a line without one belongs to the line before."""
+    def _lines_by_time(self, file: BinaryIO) -> Iterator[tuple[float, RecordedLine | None]]:
+        """Lines with their times, which never decrease; a line without one belongs to the line before. None for each
+        that is left out: any number of them may follow one another.
+        """
         newest: float | None = None
         waiting: list[RecordedLine] = []
         while data := file.readline(MAX_LINE_BYTES):
@@ -106,10 +108,12 @@ class ReplayReader:
             if line is None:
                 if newest is None and self._decoder.damaged:
                     return  # another kind of file
+                yield newest or 0.0, None
                 continue
             at = line.time_unix if isinstance(line, PictureLine) else line_unix_s(line, self._lines.offset_s)
             if at is not None and newest is not None and at > newest + LONGEST_PAUSE_S:
                 self._implausible += 1
+                yield newest, None
                 continue
             if isinstance(line, HeaderLine):
                 self._lines.offset_s = line.unix_offset_s

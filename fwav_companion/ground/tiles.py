@@ -16,6 +16,10 @@ MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/
 """Types by the first bytes of a tile; vector tiles are not shown."""
 ACCEPTED = "accepted: an MBTiles file with PNG, JPEG or WebP tiles"
 MAX_TILE_BYTES = 4_000_000
+LARGEST_VALUE = MAX_TILE_BYTES + 10_000
+"""Most bytes of a row or value that SQLite makes: a view in a file of some kilobytes may state gigabytes."""
+DESCRIBED = ("format", "attribution", "bounds")
+"""Rows of the metadata that are read: no others, of which a file may have any number."""
 MAX_ZOOM = 24
 MOST_STEPS = 100_000_000
 """Most instructions of SQLite in one query: some seconds of work. A file may define tables that never end."""
@@ -43,6 +47,7 @@ class TileFile:
             self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
         except sqlite3.Error as error:
             raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
+        self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_VALUE)
         self._database.set_progress_handler(self._exceeds, STEPS)
         self._steps = 0
         self._closing = False
@@ -89,7 +94,10 @@ class TileFile:
 
 def _info(database: sqlite3.Connection) -> TilesInfo:
     """The file's description of its tiles. LookupError if it has no tiles with pictures."""
-    metadata = dict(database.execute("SELECT name, value FROM metadata").fetchall())
+    metadata = {}
+    for name in DESCRIBED:
+        found = database.execute("SELECT value FROM metadata WHERE name = ?", (name,)).fetchone()
+        metadata |= {} if found is None else {name: found[0]}
     low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
     if low is None or metadata.get("format") == "pbf":
         raise LookupError("no raster tiles")

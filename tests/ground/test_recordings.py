@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -103,24 +104,37 @@ def test_damaged_lines_of_a_recording_are_left_out_and_reported(tmp_path):
     reader.close()
 
 
-def test_a_recording_of_any_density_leaves_each_turn_to_the_page_in_time(tmp_path, monkeypatch):
-    """20 000 lines were read in one turn: a stranger's recording with long ones stopped the page for minutes."""
+@pytest.mark.parametrize("between", ["", "x\n" * 20, '{"type": "later"}\n' * 20, "\n" * 20])
+def test_a_recording_of_any_density_leaves_each_turn_to_the_page_in_time(tmp_path, monkeypatch, between):
+    """20 000 lines were read in one turn: a stranger's recording with long ones, or with any number of lines that are
+    left out, stopped the page for minutes.
+    """
     cpu_s = [0.0]
 
     def reading() -> float:
         cpu_s[0] += 0.01
         return cpu_s[0]
 
-    picture = GroundPicture()
-    reader = ReplayReader(targets_file(tmp_path / "t.jsonl"), picture, 1.0)
+    picture, path = GroundPicture(), Path(targets_file(tmp_path / "t.jsonl"))
+    *first, last = path.read_text().splitlines()
+    path.write_text("\n".join(first) + f"\n{between}{last}\n")
+    reader = ReplayReader(str(path), picture, 1.0)
     monkeypatch.setattr(replay_reader.time, "thread_time", reading)
     seen = []
-    for _ in range(12):
+    for _ in range(30):
         reader.tick(START + 100.0)
         seen.append(picture.targets["1/2"].seen_unix - START if picture.targets else None)
     reader.close()
     assert seen[0] != 9.0
     assert seen[-1] == 9.0
+    assert seen.index(9.0) >= (11 + between.count("\n")) // 3, "of each turn three lines"
+
+
+def test_a_pipe_as_a_recording_is_one_line(tmp_path):
+    """It was waited for, without a word."""
+    os.mkfifo(tmp_path / "t.jsonl")
+    with pytest.raises(InputFileError, match="Is a pipe"):
+        ReplayReader(str(tmp_path / "t.jsonl"), GroundPicture(), 1.0)
 
 
 @pytest.mark.parametrize("content", ["", "no json\n", '{"type": "header"}\n', "[1]\n"])
