@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hmac
 import logging
+import re
 import socket
 import threading
 import time
@@ -20,7 +21,7 @@ import msgspec
 
 from fwav_companion.types.track_marks import MARKS_QUESTION, TrackMark, TrackMarks
 from fwav_companion.vision.images import Found, Picture, frame_bytes
-from fwav_companion.vision.preview_address import PreviewAddress
+from fwav_companion.vision.preview_address import PreviewAddress, is_loopback
 from fwav_companion.vision.preview_drawing import drawn
 
 _log = logging.getLogger(__name__)
@@ -54,7 +55,7 @@ class Preview:
         self._shown: Shown | None = None
         self._number = 0
         self._watchers = 0
-        self._token = address.token
+        self._token, self._is_local = address.token, not address.token
         try:
             self._server: ThreadingHTTPServer | None = _Server((address.host, address.port), _handler_of(self))
         except OSError as error:
@@ -97,8 +98,12 @@ class Preview:
             self._server.shutdown()
             self._server.server_close()
 
-    def accepts(self, path: str) -> bool:
-        """Whether a request's path has the token."""
+    def accepts(self, path: str, host: str) -> bool:
+        """Whether a request's path has the token. Without one, its Host must be a name of loopback, which that of
+        another site is not that lets its own name resolve to this address (DNS rebinding).
+        """
+        if self._is_local and not is_loopback(re.sub(r":[0-9]+$", "", host).strip("[]").lower()):
+            return False
         return hmac.compare_digest(path.encode(), f"/{self._token}".encode())
 
     def enter(self) -> bool:
@@ -179,7 +184,7 @@ def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:
         timeout = SEND_S
 
         def do_GET(self) -> None:
-            if not preview.accepts(self.path):
+            if not preview.accepts(self.path, self.headers.get("Host", "")):
                 self.send_error(404)
                 return
             if isinstance(self.server, _Server):

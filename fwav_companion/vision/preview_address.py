@@ -28,7 +28,7 @@ def parse_preview(text: str) -> PreviewAddress | None:
     if match is None or not 0 < int(match[3]) < 65536:
         raise ValueError("accepted: HOST:PORT, as 127.0.0.1:8089")
     address = PreviewAddress(match[1] or match[2], int(match[3]), match[4] or "")
-    if not _is_loopback(address.host) and len(address.token) < SHORTEST_TOKEN:
+    if not is_loopback(address.host) and len(address.token) < SHORTEST_TOKEN:
         raise ValueError(
             "beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of "
             f"{SHORTEST_TOKEN} characters or more, or 127.0.0.1:PORT"
@@ -36,7 +36,8 @@ def parse_preview(text: str) -> PreviewAddress | None:
     return address
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Whether an address or name reaches only this machine."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -147,6 +147,20 @@ def test_without_the_token_nothing_is_shown(preview, path):
     connection.close()
 
 
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [("localhost:8089", 200), ("127.0.0.1", 200), ("[::1]:8089", 200), ("attacker.example:8089", 404), ("", 404)],
+)
+def test_preview_without_a_token_answers_names_of_loopback_alone(host, status):
+    """A site whose name resolves to this address would read the pictures in the operator's browser (DNS rebinding)."""
+    preview = Preview(PreviewAddress("127.0.0.1", 0, ""))
+    connection = http.client.HTTPConnection("127.0.0.1", preview.port, timeout=10)
+    connection.request("GET", "/", headers={"Host": host})
+    assert connection.getresponse().status == status
+    connection.close()
+    preview.close()
+
+
 def test_only_a_few_may_look(preview):
     connections = [looking(preview) for _ in range(module.MOST_WATCHERS)]
     connection, response = looking(preview)
