@@ -147,6 +147,17 @@ def test_without_the_token_nothing_is_shown(preview, path):
     connection.close()
 
 
+def test_a_browser_that_leaves_before_any_picture_gives_its_place_back(preview):
+    connections = [looking(preview) for _ in range(module.MOST_WATCHERS)]
+    for connection, response in connections:
+        response.close()
+        connection.close()
+    deadline = time.monotonic() + 20.0
+    while preview._watchers:
+        assert time.monotonic() < deadline, "its place is kept"
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize(
     ("host", "status"),
     [("localhost:8089", 200), ("127.0.0.1", 200), ("[::1]:8089", 200), ("attacker.example:8089", 404), ("", 404)],
