@@ -21,7 +21,9 @@ def load_calibration(config: Config) -> Calibration:
     path = config.calibration_path
     try:
         with open_regular(path) as file:
-            data = file.read(LARGEST_BYTES)
+            data = file.read(LARGEST_BYTES + 1)
+        if len(data) > LARGEST_BYTES:
+            raise InputFileError(f"{path}: longer than {LARGEST_BYTES} bytes; accepted: a camera file")
         return parse_calibration(data.decode(), str(path), camera=config.calibration_camera)
     except OSError as error:
         where = f"{path} ([camera] calibration of {config.file})"

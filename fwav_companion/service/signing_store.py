@@ -102,7 +102,8 @@ class SigningStore:
         if self._clock is None or not message.signed or message.name != "SYSTEM_TIME":
             return
         unix_us = int(message.fields.time_unix_usec)
-        if (message.system, message.component) == autopilot and unix_us > PLAUSIBLE_UNIX_US:
+        plausible = unix_us > PLAUSIBLE_UNIX_US and timestamp_from_unix_ns(unix_us * 1000) > 0
+        if (message.system, message.component) == autopilot and plausible:
             self._clock.follow(unix_us * 1000, now)
 
     def close(self, timeout_s: float) -> None:

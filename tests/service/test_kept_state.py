@@ -7,6 +7,7 @@ import json
 import os
 import tracemalloc
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -14,10 +15,14 @@ import pytest
 from flying import CAMERA, LINK
 
 from fwav_companion.config import Config, load
-from fwav_companion.mavlink.wire.signing import UNITS_PER_S, timestamp_from_unix_ns
+from fwav_companion.errors import InputFileError
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.wire.signing import UNITS_PER_S, SigningClock, timestamp_from_unix_ns
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
+from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.service.signing_store import SigningStore
+from fwav_companion.types import Message
 
 SOUND = {
     "time_offset_s": 0.035, "time_offset_sigma_s": 0.001, "mount": [0.01, 0.02, 0.03], "mount_sigma": [0.01] * 3,
@@ -186,3 +191,42 @@ def test_signing_time_two_years_ahead_counts_unless_utc_is_known(state: State, s
 
 def test_signing_time_of_the_last_ten_years_is_refused_without_utc(state: State) -> None:
     assert state.first_timestamp(str(2**48 - 9 * YEAR).encode(), synchronised=False) == NOW + 1
+
+
+@pytest.mark.parametrize("years", [80, 400])
+def test_signing_time_starts_from_no_implausible_clock_or_date_of_a_file(state: State, years: int) -> None:
+    """A power cut leaves any date behind, a clock that lost its battery any time: no receiver would take us again."""
+    late_ns = NOW_UNIX_NS + years * 365 * 86_400 * 10**9
+    path = state.folder / "signing.json"
+    store = SigningStore(state.config, state.reported.append, lambda: False)
+    assert store.starting_timestamp(late_ns) == 0, "the first run"
+    path.write_bytes(b"-5")
+    os.utime(path, ns=(late_ns, late_ns))
+    assert store.starting_timestamp(NOW_UNIX_NS) == NOW + 1
+
+
+def test_signing_time_does_not_follow_an_autopilot_of_an_implausible_year(state: State) -> None:
+    """Who deceives its receiver of satellites would move our time to the last one for good."""
+    store, clock = SigningStore(state.config, pytest.fail, lambda: False), SigningClock(NOW)
+    store.begin(clock, HostNs(0))
+    for unix_us in (2**63, NOW_UNIX_NS // 1000 + 80 * 365 * 86_400 * 10**6):
+        fields = SimpleNamespace(time_unix_usec=unix_us)
+        message = Message(name="SYSTEM_TIME", system=1, component=1, link="a", fields=fields, signed=True)
+        store.on_message(message, (1, 1), HostNs(0))
+    for second in range(1, 600):
+        clock.tick(HostNs(second * 10**9))
+        store.tick(HostNs(second * 10**9), 0)
+    assert clock.timestamp < NOW + 601 * UNITS_PER_S
+
+
+def test_camera_file_beyond_a_megabyte_is_refused_before_it_is_read_whole(config: Config) -> None:
+    """Its start was taken, and the whole was read for the fingerprint and for each recording."""
+    start = f"{CAMERA}# ".encode()
+    with config.calibration_path.open("wb") as file:
+        file.write(start + b"#" * (len(start) % 2) + "é".encode() * (1 << 19))
+        file.truncate(3 << 30)
+    tracemalloc.start()
+    with pytest.raises(InputFileError, match="longer than 1048576 bytes"):
+        load_calibration(config)
+    assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    tracemalloc.stop()

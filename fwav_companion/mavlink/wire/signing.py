@@ -36,8 +36,11 @@ YEAR: Final = 365 * 86_400 * UNITS_PER_S
 
 
 def timestamp_from_unix_ns(unix_ns: int) -> int:
-    """Return the time of a wall clock in signing units; 0 before 2015."""
-    return max(0, (unix_ns - _EPOCH_UNIX_S * 1_000_000_000) // _TICK_NS)
+    """Return the time of a wall clock in signing units; 0 before 2015, and where it is later than plausible: of a
+    battery-backed clock that lost its time, or of a receiver of satellites that was deceived.
+    """
+    timestamp = max(0, (unix_ns - _EPOCH_UNIX_S * 1_000_000_000) // _TICK_NS)
+    return timestamp if timestamp <= LATEST_PLAUSIBLE else 0
 
 
 def starting_timestamp(reserved: int | None, unix_ns: int, *, synchronised: bool) -> int:
