@@ -10,6 +10,9 @@ from contextlib import contextmanager, suppress
 GIB = 1 << 30
 LEAST = GIB
 """Least limit, bytes: onnxruntime, OpenCV and numpy reserve 265 MiB before they load a model, most of it untouched."""
+VISION_SHARE, MOST_VISION = 0.5, 2 * GIB
+"""Limit of the vision process: a share of the memory, and at most so many bytes, forty times what AprilTags at 640x480
+take. `check` opens a model within the same limit."""
 OPENCV_NO_MEMORY = -4
 """OpenCV's code of an error for want of memory, StsNoMem."""
 WORDS = ("bad_alloc", "bad allocation", "allocate memory")

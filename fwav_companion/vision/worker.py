@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
-from fwav_companion.memory_limit import GIB, is_want_of_memory, limit_of, set_limit
+from fwav_companion.memory_limit import MOST_VISION, VISION_SHARE, is_want_of_memory, limit_of, set_limit
 from fwav_companion.types.secrets import secrets_of
 from fwav_companion.types.track_marks import MARKS_ANSWER
 from fwav_companion.vision.click_watch import ClickWatch
@@ -46,9 +46,6 @@ SIGN_OF_LIFE_S = 2.0
 """Longest time between two messages while nothing hangs."""
 OOM_SCORE = "800"
 """oom_score_adj of this process, of 1000 (proc(5)); the daemon has 0."""
-MEMORY_SHARE = 0.5
-MOST_MEMORY = 2 * GIB
-"""Largest limit of this process's memory, bytes: forty times what AprilTags at 640x480 take."""
 EXIT_OUT_OF_MEMORY = 12
 """ENOMEM."""
 RETRY_S = 1.0
@@ -117,7 +114,7 @@ class DaemonSocket:
 def main() -> None:
     """Detect until the daemon closes its end of the socket."""
     _offer_to_oom_killer()
-    set_limit(limit_of(MEMORY_SHARE, MOST_MEMORY))
+    set_limit(limit_of(VISION_SHARE, MOST_VISION))
     sock = socket.socket(fileno=int(sys.argv[1]))
     orders = msgspec.json.decode(sock.recv(LARGEST_ORDERS), type=VisionOrders)
     task = orders.task

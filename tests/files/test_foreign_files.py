@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import os
 import resource
-import struct
 import subprocess
 import sys
-import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
-import onnx
 import pytest
 import rasterio
 from commands import run_command
 from flying import CAMERA
-from onnx import TensorProto, helper
+from large_files import large_png, model
 from rasterio.transform import Affine
 
 from fwav_companion.cli.foreign_files import foreign_files
@@ -52,38 +49,6 @@ def folder(tmp_path: Path) -> Path:
 def add_picture(folder: Path, content: bytes) -> None:
     (folder / "a.png").write_bytes(content)
     (folder / "stamps.jsonl").write_text('{"file": "a.png", "time_unix": 1790000000.0}\n')
-
-
-def large_png(side: int) -> bytes:
-    """A black picture of side x side pixels, a bit each."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    packer, row = zlib.compressobj(9), bytes(1 + (side + 7) // 8)
-    data = b"".join(packer.compress(row) for _ in range(side)) + packer.flush()
-    header = struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-
-
-def model(floats: int | None = None) -> bytes:
-    """A model that returns its input, plus the sum of a constant of so many floats."""
-    nodes, initializers = [helper.make_node("Identity", ["images"], ["output0"])], []
-    if floats is not None:
-        one = helper.make_tensor("one", TensorProto.FLOAT, [1], [1.0])
-        initializers = [helper.make_tensor("shape", TensorProto.INT64, [1], [floats])]
-        nodes = [
-            helper.make_node("ConstantOfShape", ["shape"], ["ones"], value=one),
-            helper.make_node("ReduceSum", ["ones"], ["sum"], keepdims=0),
-            helper.make_node("Add", ["images", "sum"], ["output0"]),
-        ]
-    ports = [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 64])]
-    out = [helper.make_tensor_value_info("output0", TensorProto.FLOAT, None)]
-    graph = helper.make_graph(nodes, "graph", ports, out, initializers)
-    made: bytes = onnx.helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8
-    ).SerializeToString()
-    return made
 
 
 def detected(folder: Path, pictures: str = "pictures", config: str = "tag.toml", *more: str) -> str:

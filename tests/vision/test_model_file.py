@@ -1,5 +1,7 @@
 """Files of models that do not run here are one line each; what they hold beside their weights is read."""
 
+import os
+
 import numpy as np
 import onnx
 import pytest
@@ -9,7 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 from onnx.external_data_helper import convert_model_to_external_data
 
 from fwav_companion.vision.detectors import make_detector
-from fwav_companion.vision.detectors.model.model_file import file_content
+from fwav_companion.vision.detectors.model.model_file import ModelSession, file_content
 from fwav_companion.vision.images import DetectorError
 from fwav_companion.vision.task import VisionTask
 
@@ -100,6 +102,13 @@ def test_boxes_of_an_int8_model_are_less_certain(tmp_path):
     model.metadata_props.add(key="names", value=NAMES["names"])
     onnx.save(model, str(tmp_path / "q.onnx"))
     assert detector(tmp_path / "q.onnx").detect(WIDE)[0]["sigma"] == pytest.approx([1.5 * s for s in sigma], abs=2e-3)
+
+
+def test_a_pipe_as_a_model_is_one_line(tmp_path):
+    """It was waited for, without a word."""
+    os.mkfifo(tmp_path / "m.onnx")
+    with pytest.raises(DetectorError, match="Is a pipe"):
+        ModelSession(tmp_path / "m.onnx", 1)
 
 
 def test_any_bytes_have_a_content():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from fwav_companion.config import Config
 from fwav_companion.errors import CompanionError, InputFileError, UserError
 from fwav_companion.libraries import is_installed
+from fwav_companion.memory_limit import MOST_VISION, VISION_SHARE, is_want_of_memory, limit_of, limited
 from fwav_companion.pixels import read_pixels
 from fwav_companion.tools.doctor.evidence import ModelReport
 
@@ -31,13 +32,18 @@ def model_report(config: Config) -> ModelReport | None:
         task = make_vision_task(config)
         if task is None:
             return None
-        detector = OnnxDetector(task)
-        pixels = _first_picture(task.source, detector.input_size)
-        started_s = time.perf_counter()
-        detector.detect(pixels)
-        seconds = time.perf_counter() - started_s
+        with limited(limit_of(VISION_SHARE, MOST_VISION)):
+            detector = OnnxDetector(task)
+            pixels = _first_picture(task.source, detector.input_size)
+            started_s = time.perf_counter()
+            detector.detect(pixels)
+            seconds = time.perf_counter() - started_s
     except (CompanionError, UserError) as error:
         return ModelReport(error=str(error))
+    except Exception as error:
+        if not is_want_of_memory(error):
+            raise
+        return ModelReport(error="out of memory, as the vision process would be: a smaller picture or model is needed")
     columns, rows = task.model_tiles
     passes = columns * rows + (columns * rows > 1)
     return ModelReport(reading=detector.described(), problem=detector.problem, passes=passes, seconds=seconds)

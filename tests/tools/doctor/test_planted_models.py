@@ -6,8 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from large_files import large_png, model
 
 from fwav_companion.config import load
+from fwav_companion.memory_limit import GIB
+from fwav_companion.tools.doctor import model_report as model_report_module
 from fwav_companion.tools.doctor.board import Board
 from fwav_companion.tools.doctor.evidence import Evidence, Files
 from fwav_companion.tools.doctor.finding import Level
@@ -57,6 +60,19 @@ def test_a_model_that_does_not_run_is_an_error_with_its_line(folder):
     (finding,) = findings(folder).values()
     assert (finding.code, finding.level) == ("model", Level.ERROR)
     assert "m.onnx: not a model that onnxruntime loads" in finding.problem
+
+
+@pytest.mark.parametrize("large", ["constant", "picture"])
+def test_a_model_beyond_the_memory_of_the_vision_process_is_an_error(folder, monkeypatch, large):
+    """`check` had no limit, so that it could take all memory, and called sound what does not run in flight."""
+    monkeypatch.setattr(model_report_module, "MOST_VISION", GIB)
+    if large == "constant":
+        (folder / "m.onnx").write_bytes(model(floats=GIB))
+    else:
+        (folder / "pictures" / "0.png").write_bytes(large_png(30_000))
+    (finding,) = findings(folder, "model_size = [64, 64]" if large == "constant" else "").values()
+    assert (finding.code, finding.level) == ("model", Level.ERROR)
+    assert "memory" in finding.problem
 
 
 def test_implausible_outputs_are_a_warning_with_the_format_that_fits(folder):

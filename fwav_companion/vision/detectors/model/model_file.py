@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fwav_companion.memory_limit import is_want_of_memory
+from fwav_companion.on_disk import content as whole_content
 from fwav_companion.vision.detectors.model.facts import ModelPort
 from fwav_companion.vision.images import DetectorError
 
@@ -128,7 +129,7 @@ class ModelSession:
     def __init__(self, path: Path, threads: int) -> None:
         """DetectorError in one line where the file is not a model that runs here."""
         try:
-            content = file_content(path.read_bytes())
+            content = file_content(whole_content(path))
         except OSError as error:
             raise DetectorError(f"{error.strerror or error}") from None
         _require_beside(path, content.locations)
