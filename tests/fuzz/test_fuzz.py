@@ -7,14 +7,15 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from draws import slow_of
 from fuzz_targets import TARGETS
 
 HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
 VARIATIONS = 60
 """Of the corpus of one target."""
-SECONDS = 10
-"""For each target."""
+SOME_S, MANY_S = 4, 60
+"""For each target in the slow part and by night."""
 
 
 def varied(data: bytes, other: bytes, draw: random.Random) -> bytes:
@@ -50,11 +51,11 @@ def test_the_corpus_and_variations_of_it_are_read_or_refused(name: str) -> None:
         TARGETS[name](varied(draw.choice(kept), draw.choice(kept), draw))
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.skipif(find_spec("atheris") is None, reason="atheris is not installed")
+@pytest.mark.parametrize("seconds", slow_of(SOME_S, MANY_S, few=1))
 @pytest.mark.parametrize("name", TARGETS)
-def test_a_fuzzer_that_follows_coverage_finds_nothing(name: str) -> None:
-    command = [sys.executable, str(HERE / "run.py"), name, "--seconds", str(SECONDS)]
+def test_a_fuzzer_that_follows_coverage_finds_nothing(name: str, seconds: int) -> None:
+    command = [sys.executable, str(HERE / "run.py"), name, "--seconds", str(seconds)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

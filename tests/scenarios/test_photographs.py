@@ -1,6 +1,7 @@
 """A photograph every few seconds: every target is confirmed, once."""
 
 import pytest
+from draws import slow_of
 from flying import fly
 
 from fwav_companion.recording.line_types import CalibrationLine
@@ -17,9 +18,8 @@ HERD = tuple(
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("every_s", [4.0, 10.0, 30.0])
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", slow_of(1, 2, 3, few=1))
 @pytest.mark.parametrize("herd", [False, True])
 def test_every_target_is_confirmed_as_one_track(every_s, seed, herd):
     """60 m high with drawn errors and misses; of the herd, one is out of view, and ten photographs show nine thrice."""

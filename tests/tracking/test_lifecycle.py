@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from draws import first_of
+from draws import first_of, slow_of
 from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
 from simulated_flight import Flight, priors
@@ -196,7 +196,7 @@ GHOST_M = 1.5
 
 
 @pytest.mark.parametrize("miss", [0.1, 0.7])
-@pytest.mark.parametrize("seed", first_of(*range(50)))
+@pytest.mark.parametrize("seed", first_of(*range(50), some=4))
 def test_clutter_in_every_tenth_frame_confirms_no_ghost_and_the_target_is_one_track(seed, miss):
     lives, distances = flown(Flight(seconds=60.0, seed=seed, miss=miss, clutter=0.1))
     assert not [life for number, life in lives.items() if distances[number] > GHOST_M and life > 1.0]
@@ -222,9 +222,8 @@ def test_false_detections_count_whole_once_they_were_looked_for_in_vain():
     assert model.false + model.undecided == pytest.approx(40.0, abs=3.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("miss", [0.1, 0.5])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", slow_of(*range(10), few=2))
 def test_three_false_detections_a_frame_hide_no_target(seed, miss):
     """The first second, in which their number is not known yet, may confirm a ghost."""
     lives, distances = flown(Flight(seconds=60.0, seed=seed, miss=miss, clutter=3.0))
