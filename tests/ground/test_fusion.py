@@ -83,7 +83,7 @@ def test_a_shared_error_is_not_averaged_away_in_the_claim(seeds):
 
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("wrong_from_s", [0.0, 12.0])
-@pytest.mark.parametrize("seeds", draws_of(range(8), range(24), range(60)))
+@pytest.mark.parametrize("seeds", first_of(range(8), range(60), some=0))
 def test_of_three_the_wrong_one_is_named_and_left_out(seeds, wrong_from_s):
     outcome = Outcome(FleetOptions(wrong=(1,), wrong_from_s=wrong_from_s), seeds)
     assert outcome.left_out == [{"2"}] * len(seeds)
@@ -92,7 +92,7 @@ def test_of_three_the_wrong_one_is_named_and_left_out(seeds, wrong_from_s):
 
 
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("seeds", draws_of(range(8), range(24), range(60)))
+@pytest.mark.parametrize("seeds", first_of(range(8), range(60), some=0))
 def test_of_two_a_disagreement_is_reported_and_neither_is_blamed(seeds):
     outcome = Outcome(FleetOptions(vehicles=2, wrong=(1,)), seeds, seconds=20.0)
     assert outcome.left_out == [set()] * len(seeds)

@@ -31,7 +31,7 @@ NEAR = [
         targets,
         marks=[
             *([WRONG] if (seed, name) == (11, "two") else []),
-            pytest.mark.slow if seed in (1, 2, 3, 8, 12) else pytest.mark.nightly,
+            pytest.mark.slow if seed in (8, 12) else pytest.mark.nightly,
         ],
         id=f"{seed}-{name}",
     )

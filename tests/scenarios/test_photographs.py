@@ -30,8 +30,7 @@ def test_every_target_is_confirmed_as_one_track(every_s, seed, herd):
     assert len(confirmed) in range(least[every_s], 17 if herd else 4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("attitudes_hz", [4.0, 50.0])
+@pytest.mark.parametrize("attitudes_hz", slow_of(4.0, 50.0, few=1))
 def test_photographs_show_the_delay_and_claim_no_more(attitudes_hz):
     """25 photographs at 6 m/s, stamps 0.31 s early: one sigma of what 12 flights find is 0.03 s, as claimed.
 
