@@ -3,6 +3,7 @@
 import pytest
 from clock_draws import KINDS
 from clock_rows import Row, tabulated
+from draws import slow_of
 
 FEW = 2
 MOST_OF_LEAST = 2.0
@@ -47,10 +48,10 @@ def test_one_way_clock_of_few_draws_holds_its_bounds(name):
     assert row.beyond_ms <= max(0.8, MOST_OF_LEAST * row.least_ms)
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("draws", slow_of(10, 25, few=1))
 @pytest.mark.parametrize("name", TWO_WAY)
-def test_clock_of_many_draws_holds_its_bounds(name):
-    row, flights = tabulated(name, 25)
+def test_clock_of_many_draws_holds_its_bounds(name, draws):
+    row, flights = tabulated(name, draws)
     assert_bounds(row)
     assert row.beyond_ms <= 0.8
     if name[0] in "abcd":
