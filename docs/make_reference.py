@@ -14,21 +14,23 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import redirect_stdout, suppress
-from inspect import getfile, getsource
+from inspect import getsource
 from pathlib import Path
-from typing import Any, Final
+from string import Formatter
+from typing import Any, Final, TypeVar
 
 import msgspec
 from msgspec import inspect
 
 from fwav_companion.cli.main import COMMANDS, main
 from fwav_companion.config import Config
-from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import FINDINGS, SHARED_PARTS, FindingEntry, Template
 from fwav_companion.tools.reason_table import REASONS
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.scenarios import SCENARIOS
 
+T = TypeVar("T")
 FOLDER: Final = Path(__file__).parent / "reference"
 HELP_COLUMNS: Final = "100"
 """Width at which argparse wraps its help."""
@@ -206,9 +208,10 @@ def findings_page() -> str:
         "# Findings\n\nWhat `fwav-companion check` reports. ERROR: the service does not do its work; WARNING: it "
         "works less well than it could; NOTE: worth knowing. `…` is a value of the moment.\n"
     )
-    rows = sorted(
-        {row for path in sorted(Path(getfile(Finding)).parent.rglob("*.py")) for row in finding_rows(path.read_text())}
-    )
+    rows = [
+        row(f"`{code}`", " or ".join(cases_of(entry.level)), words_of(entry.problem, entry), words_of(entry.fix, entry))
+        for code, entry in sorted(FINDINGS.items())
+    ]
     return "\n".join([intro, "| finding | level | problem | what to do |", "|---|---|---|---|", *rows, ""])
 
 
@@ -230,34 +233,28 @@ def scenarios_page() -> str:
     return "\n".join([*scenarios, others, "| autopilot | behaviour |", "|---|---|", *autopilots, ""])
 
 
-def finding_rows(source: str) -> Iterator[str]:
-    """A table row for every call of ``Finding`` with a constant code."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == Finding.__name__:
-            given = dict(zip(("code", "level", "where", "problem", "fix"), node.args, strict=False))
-            given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
-            if isinstance(given["code"], ast.Constant):
-                level = " or ".join(levels_in(given["level"])) or "…"
-                yield row(f"`{given['code'].value}`", level, text_of(given["problem"]), text_of(given["fix"]))
+def words_of(template: Template, entry: FindingEntry) -> str:
+    """A text of a finding in every case, with its parts, and with … for a value of the moment."""
+    parts = SHARED_PARTS | entry.parts
+    texts = (
+        "".join(
+            before + ("" if name is None else words_of_part(parts[name], entry) if name in parts else "…")
+            for before, name, _, _ in Formatter().parse(each)
+        )
+        for each in cases_of(template)
+    )
+    return " / ".join(filter(None, texts))
 
 
-def levels_in(node: ast.expr) -> list[str]:
-    """The levels that an expression names, as ``Level.ERROR if late else Level.NOTE``."""
-    return [each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute) and each.attr.isupper()]
+def words_of_part(part: Template, entry: FindingEntry) -> str:
+    """A part within a text: in brackets where it has several cases."""
+    words = words_of(part, entry)
+    return f"({words})" if isinstance(part, dict) and " / " in words else words
 
 
-def text_of(node: ast.expr) -> str:
-    """The text that an expression makes, with … for what is known at run time only."""
-    match node:
-        case ast.Constant(value=str(text)):
-            return text
-        case ast.JoinedStr(values=parts):
-            return "".join(map(text_of, parts))
-        case ast.BinOp(left=left, op=ast.Add(), right=right):
-            return text_of(left) + text_of(right)
-        case ast.IfExp(body=body, orelse=orelse):
-            return " / ".join(filter(None, (text_of(body), text_of(orelse))))
-    return "…"
+def cases_of(field: T | dict[str, T]) -> list[T]:
+    """What a field of a finding is in every case, each once."""
+    return list(dict.fromkeys(field.values())) if isinstance(field, dict) else [field]
 
 
 def row(*cells: str) -> str:

@@ -21,6 +21,7 @@ class ReasonEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     remedy: str
     level: Literal["ERROR", "WARNING"] | None = None
     problem: str = ""
+    consequences: tuple[str, ...] = ()
 
 
 def _read() -> Mapping[Reason, ReasonEntry]:

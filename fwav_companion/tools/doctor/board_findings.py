@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence, Folder
-from fwav_companion.tools.doctor.finding import Finding, Level, access_fix
+from fwav_companion.tools.doctor.finding import Finding, access_case
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.types.status import RunStatus
 
 VOLATILE: Final = frozenset({"tmpfs", "ramfs", "overlay", "squashfs"})
@@ -27,134 +28,63 @@ def board_findings(evidence: Evidence) -> Iterator[Finding]:
 def service_findings(_evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     """Yield what the service reports of itself."""
     if status.internal_faults:
-        yield Finding(
-            "internal_fault",
-            Level.WARNING,
-            "service",
-            problem=f"internal errors of the service: {status.internal_faults}",
-            fix="its log (journalctl -u fwav-companion) has the first one whole: please report it",
-        )
+        yield make_finding("internal_fault", faults=status.internal_faults)
     if status.recording is not None and status.recording.startswith("recording stopped"):
-        yield Finding(
-            "recording_stopped",
-            Level.WARNING,
-            "[record] directory",
-            problem=status.recording,
-            fix="check the disk: ten seconds after it can be written, the recording continues in a new folder",
-        )
+        yield make_finding("recording_stopped", state=status.recording)
 
 
 def _key(evidence: Evidence) -> Iterator[Finding]:
     if evidence.files.key_error:
-        yield Finding(
-            "signing_key",
-            Level.ERROR,
-            "[signing] key_file",
-            problem=evidence.files.key_error,
-            fix="head -c 32 /dev/urandom > signing.key; chmod 600 signing.key; the same key in the autopilot",
-        )
+        yield make_finding("signing_key", error=evidence.files.key_error)
 
 
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
     """Yield what keeps a folder from being written, or its content from lasting."""
     if folder.missing_mount is not None:
-        yield Finding(
-            "not_mounted", Level.WARNING, folder.key,
-            problem=f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
-            fix=f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
-        )  # fmt: skip
+        mount = folder.missing_mount
+        yield make_finding("not_mounted", key=folder.key, path=folder.path, mount=mount, point=mount.point)
     yield from _unwritable(evidence.board.user, folder)
     least = evidence.config.record.min_free_mb * MB
     if folder.key.startswith("[record]") and folder.free_bytes is not None and folder.free_bytes < least:
-        yield Finding(
-            "disk_full",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing is recorded",
-            fix="remove old recordings, or [record] remove_oldest = true",
-        )
+        yield make_finding("disk_full", key=folder.key, free_mb=folder.free_bytes // MB, least_mb=least / MB)
 
 
 def _unwritable(user: str, folder: Folder) -> Iterator[Finding]:
     """Yield the first reason why nothing can be written, or why it would not last."""
     if folder.read_only:
-        yield Finding(
-            "read_only",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.path}: its file system is mounted read-only",
-            fix="sudo mount -o remount,rw, or another directory",
-        )
+        yield make_finding("read_only", "mount", key=folder.key, path=folder.path)
     elif folder.file_in_the_way:
-        yield Finding(
-            "read_only",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.path}: {folder.file_in_the_way} is a file",
-            fix="a directory, or remove the file",
-        )
+        yield make_finding("read_only", "file", key=folder.key, path=folder.path, file=folder.file_in_the_way)
     elif not folder.writable:
-        yield Finding(
-            "read_only",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.path}: {user} may not write there",
-            fix=f"sudo chown {user} {folder.path}, or another directory",
-        )
+        yield make_finding("read_only", "owner", key=folder.key, path=folder.path, user=user)
     elif folder.file_system in VOLATILE:
-        yield Finding(
-            "volatile",
-            Level.WARNING,
-            folder.key,
-            problem=f"{folder.path} is on {folder.file_system}: its content is lost with the power",
-            fix="a directory on the card or a disk",
-        )
+        yield make_finding("volatile", key=folder.key, path=folder.path, file_system=folder.file_system)
 
 
 def _state(evidence: Evidence) -> Iterator[Finding]:
     wanted = evidence.config.signing is not None or evidence.config.tracking.self_calibration
     if wanted and not any(folder.key.startswith("[state]") for folder in evidence.board.folders):
-        yield Finding(
-            "no_state",
-            Level.NOTE,
-            "[state] directory",
-            problem="nothing is kept between flights: neither the calibration nor the signing time",
-            fix="[state] directory, or StateDirectory= in the unit",
-        )
+        yield make_finding("no_state")
 
 
 def _power(evidence: Evidence) -> Iterator[Finding]:
     power = evidence.board.power
     if power.low_now or power.low_since_boot:
-        when = "now" if power.low_now else "since boot"
-        yield Finding(
-            "undervoltage",
-            Level.WARNING,
-            "supply",
-            problem=f"the board's supply voltage is too low ({when}): the board slows down, and may restart",
-            fix="a stronger 5 V regulator, thicker and shorter wires",
-        )
+        yield make_finding("undervoltage", "now" if power.low_now else "earlier")
     elif power.throttled_now:
-        yield Finding(
-            "throttled", Level.WARNING, "board", problem="the processor is slowed down by heat", fix="cool the board"
-        )
+        yield make_finding("throttled")
 
 
 def _cameras(evidence: Evidence) -> Iterator[Finding]:
     for device in evidence.board.cameras:
         if not device.exists:
-            yield Finding(
-                "camera_missing",
-                Level.ERROR,
-                "[vision] source",
-                problem=f"{device.path} does not exist",
-                fix="connect the camera; v4l2-ctl --list-devices or rpicam-hello --list-cameras lists what is present",
-            )
+            yield make_finding("camera_missing", device=device.path)
         elif not device.allowed:
-            yield Finding(
+            yield make_finding(
                 "camera_permission",
-                Level.ERROR,
-                "[vision] source",
-                problem=f"{evidence.board.user or 'this user'} may not open {device.path}",
-                fix=access_fix(device.path, device.group, usual="video", user=evidence.board.user),
+                access_case(device.group),
+                device=device.path,
+                group=device.group,
+                user=evidence.board.user or "this user",
+                member=evidence.board.user or "$USER",
             )

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.types import NoRay
 from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.task import shown_source
@@ -22,23 +23,11 @@ def file_findings(evidence: Evidence) -> Iterator[Finding]:
     if not evidence.config.localizes:
         return
     if evidence.files.calibration_error:
-        yield Finding(
-            "calibration",
-            Level.ERROR,
-            "[camera] calibration",
-            problem=evidence.files.calibration_error,
-            fix="correct the path or the file: `fwav-companion calibrate` makes one, `init` writes the paper's camera",
-        )
+        yield make_finding("calibration", error=evidence.files.calibration_error)
         return
     yield from _narrow(evidence)
     if evidence.files.elevation_error:
-        yield Finding(
-            "terrain_file",
-            Level.ERROR,
-            "[ground] terrain",
-            problem=evidence.files.elevation_error,
-            fix="name files that can be read",
-        )
+        yield make_finding("terrain_file", error=evidence.files.elevation_error)
 
 
 def camera_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -54,14 +43,7 @@ def _readout(status: RunStatus) -> Iterator[Finding]:
     """An unknown readout is one bias through a flight: it never averages away."""
     readout = status.seen.readout
     if readout.matters:
-        yield Finding(
-            "readout_unknown",
-            Level.NOTE,
-            "[camera] readout_s",
-            problem=f"unknown, it makes {readout.by_readout_m:.1f} of the {readout.sigma_m:.1f} m of a fix (one sigma)",
-            fix="set it: 0 for a global shutter, else the time from the first row to the last, by the sensor's data "
-            "sheet or `check --shake`",
-        )
+        yield make_finding("readout_unknown", by_readout_m=readout.by_readout_m, sigma_m=readout.sigma_m)
 
 
 def _narrow(evidence: Evidence) -> Iterator[Finding]:
@@ -72,14 +54,7 @@ def _narrow(evidence: Evidence) -> Iterator[Finding]:
     width, height = calibration.image_size
     edges = [(0.0, (height - 1) / 2.0), (width - 1.0, (height - 1) / 2.0)]
     if any(isinstance(calibration.lens.camera_ray_from_pixel(u, v), NoRay) for u, v in edges):
-        angle_deg = 57.29578 * calibration.lens.max_angle
-        yield Finding(
-            "narrow_calibration",
-            Level.NOTE,
-            "[camera] calibration",
-            problem=f"it is valid to {angle_deg:.0f} deg from the axis: detections at the image's sides are refused",
-            fix="calibrate with the board at the image's sides too, if that matters",
-        )
+        yield make_finding("narrow_calibration", angle_deg=57.29578 * calibration.lens.max_angle)
 
 
 def _terrain(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -92,13 +67,7 @@ def _terrain(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
         0 <= row <= last and 0 <= column <= end for (row, column), (last, end) in zip(inside, sizes, strict=True)
     )
     if not covered:
-        yield Finding(
-            "terrain_coverage",
-            Level.ERROR,
-            "[ground] terrain",
-            problem=f"no file covers the vehicle's position {origin.lat:.4f}, {origin.lon:.4f}",
-            fix=f"add the file of that place, as {_hgt_name(origin.lat, origin.lon)}",
-        )
+        yield make_finding("terrain_coverage", lat=origin.lat, lon=origin.lon, file=_hgt_name(origin.lat, origin.lon))
 
 
 def _hgt_name(lat: float, lon: float) -> str:
@@ -111,52 +80,17 @@ def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     camera = shown_source(config.vision) if config.vision else ""
     where = config.detections.url or camera
     if status.vision is not None and not status.vision.works:
+        why = status.vision.why
         if status.vision.stopped:
-            yield Finding(
-                "vision_stopped",
-                Level.ERROR,
-                "[vision] detector",
-                problem=f"the detector cannot work as it is configured: {status.vision.why}",
-                fix="change what it names, then restart the service",
-            )
-        elif status.vision.why or status.up_s >= FIRST_FRAME_S:
-            yield Finding(
-                "no_camera",
-                Level.ERROR,
-                "[vision] source",
-                problem=f"no pictures of {camera}: {status.vision.why or 'the camera is still silent'}",
-                fix="check that the camera is connected and its name right: libcamera:0 | /dev/video0",
-            )
+            yield make_finding("vision_stopped", why=why)
+        elif why or status.up_s >= FIRST_FRAME_S:
+            yield make_finding("no_camera", "why" if why else "silent", camera=camera, why=why)
     elif intake.why:
-        yield _deaf(evidence, where, intake.why)
+        holder = evidence.board.holders.get("detections")
+        case = "taken" if holder or "in use" in intake.why else "address"
+        yield make_finding("detections_port", case, url=where, why=intake.why, holder=holder)
     elif not intake.came:
         if status.up_s >= FIRST_FRAME_S:
-            yield Finding(
-                "no_detections",
-                Level.ERROR,
-                "[detections] url",
-                problem=f"no frame arrived on {where}",
-                fix="start the detector; it sends one JSON object a frame there, also for frames that show nothing",
-            )
+            yield make_finding("no_detections", source=where)
     elif intake.age_s is not None and intake.age_s > STALE_S:
-        yield Finding(
-            "stale_detections",
-            Level.ERROR,
-            "[detections] url",
-            problem=f"the last frame arrived {intake.age_s:.0f} s ago",
-            fix="check whether the detector still runs",
-        )
-
-
-def _deaf(evidence: Evidence, where: str, why: str) -> Finding:
-    holder = evidence.board.holders.get("detections", "")
-    taken = holder or "in use" in why
-    return Finding(
-        "detections_port",
-        Level.ERROR,
-        "[detections] url",
-        problem=f"{where} cannot be listened on: {why}" + (f" (in use by {holder})" if holder else ""),
-        fix="end that program, or use another address on both sides"
-        if taken
-        else "use an address of this board, as 127.0.0.1 or 0.0.0.0, or unix:///PATH in a folder that it may write to",
-    )
+        yield make_finding("stale_detections", age_s=intake.age_s)

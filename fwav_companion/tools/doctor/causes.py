@@ -1,7 +1,7 @@
 """Which findings follow from which: a root cause lists its consequences, so that the user repairs one thing.
 
-CAUSES is acyclic and ordered from the wire to the target. Findings of one link explain only those of the same link, and
-those of the vehicle where no other link brings its autopilot.
+The tables of findings and reasons hold them, without a cycle. Findings of one link explain only those of the same link,
+and those of the vehicle where no other link brings its autopilot.
 """
 
 from __future__ import annotations
@@ -13,77 +13,16 @@ import msgspec
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level, by_level, worst
+from fwav_companion.tools.doctor.finding_table import FINDINGS, GROUPS, consequences_of
+from fwav_companion.tools.reason_table import REASONS
 
-SLOW: Final = frozenset(
-    {
-        *("attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "direction_uncertain"),
-        *("above_horizon", "fixes_disagree"),
-    }
-)
-"""Findings about attitudes that come too seldom or too late, and about the fixes that they spoil."""
-OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
+OF_MOUNTS: Final = consequences_of("", GROUPS["mount"])
 """Findings that, as an ERROR, are caused by the mount, however slow attitudes are."""
-CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
-BY_CLOCK: Final = frozenset({"from_the_future", "too_late", "direction_uncertain"})
-"""Findings about frames whose stamps use an uncertain clock."""
-UNHEARD: Final = frozenset(
-    {"no_autopilot", "autopilot_lost", "no_attitude", "no_position", "landmark_without_sights", *CLOCK, *SLOW}
-)
-"""Findings that follow where the vehicle's link is not heard."""
-UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", "rates_not_taken", *CLOCK, *SLOW})
-"""Findings that follow while the autopilot ignores this service."""
-UNSEEN: Final = frozenset(
-    {"no_camera", "vision_stopped", "no_detections", "stale_detections", "landing_label", "landmark_unseen"}
-)
-UNUSED: Final = frozenset({"landing_label", "landmark_unseen", "fixes_disagree"})
-
+_NAMES: Final = {reason.value: entry.consequences for reason, entry in REASONS.items()} | {
+    code: entry.consequences for code, entry in FINDINGS.items()
+}
 CAUSES: Final[Mapping[str, frozenset[str]]] = {
-    "port_missing": UNHEARD | {"link_down", "nothing_heard"},
-    "port_permission": UNHEARD | {"link_down", "nothing_heard"},
-    "serial_console": UNHEARD | {"link_down", "port_taken", "nothing_heard", "garbage", "echo", "loss"},
-    "bluetooth_on_port": UNHEARD | {"link_down", "port_taken", "nothing_heard", "garbage", "loss"},
-    "mini_uart": UNHEARD | {"garbage", "loss"},
-    "port_taken": UNHEARD,
-    "link_down": UNHEARD,
-    "nothing_heard": UNHEARD,
-    "garbage": UNHEARD | {"loss"},
-    "wrong_signature": UNHEARD | UNDELIVERED,
-    "unsigned": UNHEARD | UNDELIVERED,
-    "outdated_signatures": UNHEARD | UNDELIVERED,
-    "no_signing_key": UNDELIVERED,
-    "loss": SLOW | CLOCK,
-    "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone", "rates_not_taken"},
-    "no_attitude": frozenset({"stale_attitude", "attitude_gap"}),
-    "loop_rate": SLOW,
-    "rates_undone": SLOW,
-    "rates_not_taken": SLOW | {"timesync_unanswered"},
-    "attitude_slow": SLOW - {"attitude_slow"},
-    "too_slow_for_motion": OF_MOUNTS,
-    "timesync_unanswered": BY_CLOCK,
-    "clock_followed": BY_CLOCK,
-    "clock_unsettled": BY_CLOCK,
-    "calibration": UNSEEN,
-    "model": UNSEEN,
-    "camera_missing": UNSEEN,
-    "camera_permission": UNSEEN,
-    "vision_stopped": UNSEEN - {"vision_stopped"},
-    "no_camera": UNSEEN - {"no_camera", "vision_stopped"},
-    "detections_port": UNSEEN,
-    "no_detections": frozenset({"landing_label", "landmark_unseen"}),
-    "stale_detections": frozenset({"landing_label", "landmark_unseen"}),
-    "disk_full": frozenset({"recording_stopped"}),
-    "read_only": frozenset({"recording_stopped"}),
-    "landmark_far": frozenset(
-        {"landmark_unseen", "landmark_without_sights", "landmark_left_out", "landmarks_contradict"}
-    ),
-    "malformed": UNUSED,
-    "no_time": UNUSED,
-    "stamps_drift": frozenset({"too_late", "from_the_future", "fixes_disagree"}),
-    "stamps_grow_old": frozenset({"too_late", "fixes_disagree"}),
-    "stamps_jump": frozenset({"too_late", "from_the_future", "fixes_disagree", "readout_unknown"}),
-    "stamps_repeat": frozenset({"too_late", "fixes_disagree", "readout_unknown"}),
-    "mount_in_radians": frozenset({"above_horizon", "fixes_disagree"}),
-    "above_horizon": frozenset({"fixes_disagree"}),
+    code: consequences_of(code, names) for code, names in _NAMES.items() if names
 }
 """Codes of the consequences of each finding, by its code."""
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.tools.doctor.landing_findings import labels_heard
 from fwav_companion.tools.reason_table import REASONS, judged_reasons
 from fwav_companion.types import Reason
@@ -61,21 +62,9 @@ def _stamps(status: RunStatus) -> Iterator[Finding]:
     """Stamps that are not the times at which pictures were taken."""
     heard, came = status.seen.heard, max(status.intake.came, status.frames)
     if heard.jumped_stamps >= FEW:
-        yield Finding(
-            "stamps_jump",
-            Level.ERROR,
-            "detections",
-            problem=f"stamps jump back and forth: {heard.jumped_stamps} times in {came} frames",
-            fix="stamp with time_monotonic, which is never set; check that no second detector sends here",
-        )
+        yield make_finding("stamps_jump", jumps=heard.jumped_stamps, frames=came)
     elif heard.repeated_stamps >= FEW and heard.repeated_stamps > SHARE * came:
-        yield Finding(
-            "stamps_repeat",
-            Level.ERROR,
-            "detections",
-            problem=f"{heard.repeated_stamps} of {came} frames have the stamp of the frame before",
-            fix="read the clock for each picture, when it is taken; check that no second detector sends here",
-        )
+        yield make_finding("stamps_repeat", repeats=heard.repeated_stamps, frames=came)
 
 
 def _drift(status: RunStatus) -> float | None:
@@ -94,48 +83,28 @@ def _growing_age(status: RunStatus) -> Iterator[Finding]:
     """A clock of another rate, or a queue that builds up in the detector."""
     ages_s, drift = status.seen.heard.stamp_ages_s, _drift(status)
     if drift is not None and abs(drift) <= MOST_DRIFT:
-        yield Finding(
-            "stamps_drift",
-            Level.WARNING,
-            "detections",
-            problem=f"the stamps' clock is {abs(drift):.1%} {'slower' if drift > 0.0 else 'faster'} than this board's",
-            fix="stamp with this board's own clock; a detector on another computer: time_boot or NTP"
-            + ("; or the detector falls behind by as much: let it drop frames" if drift > 0.0 else ""),
-        )
+        yield make_finding("stamps_drift", "slower" if drift > 0.0 else "faster", drift=abs(drift))
         return
     if len(ages_s) < 3 or ages_s[-1] - ages_s[0] < OLDER_S or any(b <= a for a, b in pairwise(ages_s)):
         return
-    yield Finding(
-        "stamps_grow_old",
-        Level.WARNING,
-        "detections",
-        problem=f"frames arrive later and later after their stamps: {ages_s[0]:.2f} s, then {ages_s[-1]:.2f} s",
-        fix="let the detector drop frames instead of queueing them (smaller image, lower fps); on another computer "
-        "its clock runs at another rate: NTP, or time_boot",
-    )
+    yield make_finding("stamps_grow_old", first_s=ages_s[0], last_s=ages_s[-1])
 
 
 def _filtered(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     """A filter that passes nothing is an error; one that removes most is noted."""
     judged, low, other = judged_detections(status), status.refused(Reason.LOW_SCORE), status.refused(Reason.OTHER_LABEL)
-    level = Level.ERROR if judged - low - other <= PASSED * judged else Level.NOTE
-    least = MOST * judged if level is Level.NOTE else SHARE * judged
+    share, least = ("all", SHARE) if judged - low - other <= PASSED * judged else ("most", MOST)
     detections, best = evidence.config.detections, status.seen.heard.best_score
-    if low >= FEW and low > least:
-        yield Finding(
-            Reason.LOW_SCORE.value,
-            level,
-            "[detections] min_score",
-            problem=f"{low} of {judged} detections score below min_score = {detections.min_score:g}"
-            + ("" if best is None else f"; the best scored {best:.2f}"),
-            fix="lower min_score" if best is None or level is Level.NOTE else f"set min_score below {best:.2f}",
+    if low >= FEW and low > least * judged:
+        yield make_finding(
+            "low_score",
+            share,
+            "lower" if best is None or share == "most" else "below_best",
+            count=low,
+            judged=judged,
+            min_score=detections.min_score,
+            best=best,
         )
-    if other >= FEW and other > least:
+    if other >= FEW and other > least * judged:
         labels = ", ".join(f'"{label}"' for label in detections.labels)
-        yield Finding(
-            Reason.OTHER_LABEL.value,
-            level,
-            "[detections] labels",
-            problem=f"{other} of {judged} detections are not labelled {labels}; heard: {labels_heard(status)}",
-            fix="add the label that is wanted, or set labels = [] for all",
-        )
+        yield make_finding("other_label", share, count=other, judged=judged, labels=labels, heard=labels_heard(status))

@@ -11,7 +11,8 @@ from fwav_companion.tools.doctor.camera_findings import camera_findings, file_fi
 from fwav_companion.tools.doctor.causes import nested
 from fwav_companion.tools.doctor.detection_findings import detection_findings
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.tools.doctor.gimbal_findings import gimbal_findings
 from fwav_companion.tools.doctor.landing_findings import landing_findings
 from fwav_companion.tools.doctor.landmark_findings import landmark_findings
@@ -53,13 +54,7 @@ def _not_judged(status: RunStatus) -> Iterator[Finding]:
     """Yield a note on the topics for which the time of listening was too short."""
     missing = list(_unmeasured(status))
     if missing:
-        yield Finding(
-            "too_short",
-            Level.NOTE,
-            "check",
-            problem=f"{status.up_s:.0f} s of listening are too short to judge: {', '.join(missing)}",
-            fix="check again with --seconds 12; of a service that runs: in ten seconds",
-        )
+        yield make_finding("too_short", up_s=status.up_s, topics=", ".join(missing))
 
 
 def _unmeasured(status: RunStatus) -> Iterator[str]:

@@ -53,9 +53,6 @@ def by_level(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: ORDER.index(finding.level))
 
 
-def access_fix(device: str, group: str, *, usual: str, user: str) -> str:
-    """Return how a user gets access to a device. Root's group would permit too much: the device then gets ``usual``."""
-    member = f"sudo usermod -aG {usual if group in ('', 'root') else group} {user or '$USER'}, then log in again"
-    if group not in ("", "root"):
-        return member
-    return f"sudo chgrp {usual} {device}; sudo chmod g+rw {device} (a udev rule keeps both); {member}"
+def access_case(group: str) -> str:
+    """Return the case of a device that a user may not open: membership in root's group would permit too much."""
+    return "root_group" if group in ("", "root") else "own_group"

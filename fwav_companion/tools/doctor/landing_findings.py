@@ -12,8 +12,9 @@ from math import fmod, hypot
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.landing_limits import WHERE, landing_limit_findings
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
+from fwav_companion.tools.doctor.landing_limits import landing_limit_findings
 from fwav_companion.types.flight_status import LandingReport
 from fwav_companion.types.status import RunStatus
 
@@ -29,17 +30,6 @@ LATE_S: Final = 0.5
 """Age of a stamp at the arrival of its frame from which it is reported: without a landing it would be refused."""
 LEAST_WITHHELD: Final = 5
 """Withheld messages from which they are reported: a second without frames has five."""
-WITHHELD_FIXES: Final = {
-    "too_uncertain": "see the budget of a sighting (replay --sightings): calibrate lens and mount, or a higher "
-    "landing_max_sigma_m where the pad is large",
-    "late_frame": "a faster detector or a smaller image: pictures must arrive within 1.5 s of their capture",
-    "not_seen": "a larger tag, or one more for the last metres; check the exposure",
-    "no_frames": "check [vision] source, or that the detector sends to [detections] url",
-    "no_vehicle": "check the autopilot's attitude stream: [rates] attitude",
-    "no_local_position": "request LOCAL_POSITION_NED of the PX4: its position estimate must be valid",
-    "no_height": 'a rangefinder, or [ground] model = "fixed" with height_m',
-    "unknown_autopilot": "only ArduPilot and PX4 read LANDING_TARGET in a known form",
-}
 FRAMES: Final = 20
 """Frames without the landing label before its absence is reported."""
 
@@ -62,13 +52,7 @@ def _late(status: RunStatus) -> Iterator[Finding]:
     """Report frames that are used for a landing although they come late: their stamps may be wrong instead."""
     ages_s = status.seen.heard.stamp_ages_s
     if ages_s and ages_s[-1] > LATE_S:
-        yield Finding(
-            "landing_camera_late",
-            Level.WARNING,
-            WHERE,
-            problem=f"frames arrive {ages_s[-1]:.1f} s after their stamps: LANDING_TARGET is predicted over this time",
-            fix="a faster detector or a smaller image; check that the stamp is that of the capture",
-        )
+        yield make_finding("landing_camera_late", age_s=ages_s[-1])
 
 
 def _withheld(evidence: Evidence, landing: LandingReport) -> Iterator[Finding]:
@@ -78,36 +62,23 @@ def _withheld(evidence: Evidence, landing: LandingReport) -> Iterator[Finding]:
     if withheld < LEAST_WITHHELD:
         return
     ordered = sorted(counts, key=lambda reason: (-counts[reason], reason))
-    counted = ", ".join(f"{reason} {counts[reason]}" for reason in ordered)
-    if landing.sigma_m is not None:
-        counted += f"; newest claim {landing.sigma_m:.2f} m, limit {evidence.config.publish.landing_max_sigma_m:g}"
-    yield Finding(
+    yield make_finding(
         "landing_withheld",
-        Level.WARNING,
-        WHERE,
-        problem=f"LANDING_TARGET was withheld {withheld} times, sent {landing.sent} times: {counted}",
-        fix=WITHHELD_FIXES.get(ordered[0], WITHHELD_FIXES["too_uncertain"]),
+        ordered[0],
+        withheld=withheld,
+        sent=landing.sent,
+        counts=", ".join(f"{reason} {counts[reason]}" for reason in ordered),
+        sigma_m=landing.sigma_m,
+        limit_m=evidence.config.publish.landing_max_sigma_m,
     )
 
 
 def _disabled(parameters: Mapping[str, float]) -> Iterator[Finding]:
     enabled, kind = parameters.get("PLND_ENABLED"), parameters.get("PLND_TYPE", MAVLINK_TYPE)
     if enabled == 0:
-        yield Finding(
-            "landing_disabled",
-            Level.ERROR,
-            WHERE,
-            problem="the autopilot ignores LANDING_TARGET: PLND_ENABLED is 0",
-            fix="set PLND_ENABLED to 1 and PLND_TYPE to 1, and reboot the autopilot",
-        )
+        yield make_finding("landing_disabled", "off")
     elif kind != MAVLINK_TYPE:
-        yield Finding(
-            "landing_disabled",
-            Level.ERROR,
-            WHERE,
-            problem=f"the autopilot ignores LANDING_TARGET: PLND_TYPE is {kind:.0f}",
-            fix="set PLND_TYPE to 1, and reboot the autopilot",
-        )
+        yield make_finding("landing_disabled", "other_type", kind=kind)
 
 
 def _turned(parameters: Mapping[str, float]) -> Iterator[Finding]:
@@ -118,35 +89,21 @@ def _turned(parameters: Mapping[str, float]) -> Iterator[Finding]:
     if orient != ROTATION_DOWN:
         turns.append(f"PLND_ORIENT = {orient:.0f}")
     if turns:
-        yield Finding(
-            "landing_turned",
-            Level.ERROR,
-            WHERE,
-            problem=f"the autopilot turns our vector once more, and flies away from the target: {', '.join(turns)}",
-            fix=f"set PLND_YAW_ALIGN to 0 and PLND_ORIENT to {ROTATION_DOWN}; the mount is in [camera.mount]",
-        )
+        yield make_finding("landing_turned", turns=", ".join(turns))
 
 
 def _moved(parameters: Mapping[str, float]) -> Iterator[Finding]:
-    x, y, z = (parameters.get(f"PLND_CAM_POS_{axis}", 0.0) for axis in "XYZ")
-    if max(abs(x), abs(y), abs(z)) > SMALL_M:
-        yield Finding(
-            "landing_camera_offset",
-            Level.WARNING,
-            WHERE,
-            problem=f"the autopilot adds PLND_CAM_POS ({x:g}, {y:g}, {z:g}) m to our vector, which already counts from "
-            f"the vehicle: wrong by up to {hypot(x, y, z):.2f} m while the vehicle tilts or turns",
-            fix="set PLND_CAM_POS_X, _Y and _Z to 0; [camera.mount] position_m holds where the camera is",
-        )
+    x_m, y_m, z_m = (parameters.get(f"PLND_CAM_POS_{axis}", 0.0) for axis in "XYZ")
+    if max(abs(x_m), abs(y_m), abs(z_m)) > SMALL_M:
+        yield make_finding("landing_camera_offset", x_m=x_m, y_m=y_m, z_m=z_m, length_m=hypot(x_m, y_m, z_m))
     forward_m, right_m = (parameters.get(f"PLND_LAND_OFS_{axis}", 0.0) / 100.0 for axis in "XY")
     if hypot(forward_m, right_m) > SMALL_M:
-        yield Finding(
+        yield make_finding(
             "landing_offset",
-            Level.NOTE,
-            WHERE,
-            problem=f"with PLND_LAND_OFS_X, _Y = {100.0 * forward_m:g}, {100.0 * right_m:g} cm the vehicle lands "
-            f"{_aside(forward_m, right_m)} the target: the point {_aside(-forward_m, -right_m)} it lands on the target",
-            fix="set PLND_LAND_OFS_X and _Y to 0, unless that is intended",
+            x_cm=100.0 * forward_m,
+            y_cm=100.0 * right_m,
+            offset=_aside(forward_m, right_m),
+            opposite=_aside(-forward_m, -right_m),
         )
 
 
@@ -163,21 +120,10 @@ def _aside(forward_m: float, right_m: float) -> str:
 def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     wanted, taken, heard = evidence.config.publish.landing_label, evidence.config.detections.labels, status.seen.heard
     if taken and wanted not in taken:
-        yield Finding(
-            "landing_label",
-            Level.ERROR,
-            "[publish] landing_label",
-            problem=f'"{wanted}" is not among [detections] labels: such detections are not used',
-            fix=f'add "{wanted}" to [detections] labels',
-        )
+        yield make_finding("landing_label", "filtered", label=wanted)
     elif status.frames >= FRAMES and heard.labels.keys().isdisjoint(_names(evidence)):
-        yield Finding(
-            "landing_label",
-            Level.WARNING if heard.labels else Level.NOTE,
-            "[publish] landing_label",
-            problem=f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
-            fix="show the camera the landing target, or set landing_label to what the detector calls it",
-        )
+        case = "others" if heard.labels else "none"
+        yield make_finding("landing_label", case, label=wanted, heard=labels_heard(status))
     else:
         yield from _flat(evidence)
 
@@ -187,14 +133,7 @@ def _flat(evidence: Evidence) -> Iterator[Finding]:
     config, wanted = evidence.config, evidence.config.publish.landing_label
     if wanted in {*(pad.label for pad in config.pad), *(target.label for target in config.target)}:
         return
-    yield Finding(
-        "landing_flat",
-        Level.NOTE,
-        "[publish] landing_label",
-        problem=f'"{wanted}" has neither a [[pad]] nor a [[target]]: it counts as flat on the ground, its height is '
-        "the autopilot's",
-        fix="describe it: with the size of its tag (size_m) the height over it is measured, too",
-    )
+    yield make_finding("landing_flat", label=wanted)
 
 
 def _names(evidence: Evidence) -> frozenset[str]:

@@ -13,11 +13,11 @@ from typing import Final
 import msgspec
 
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.tools.doctor.run_status import MEASURED_S
 from fwav_companion.types.status import RunStatus
 
-WHERE: Final = "[publish] landing_target"
 SPREAD: Final = 2.0
 """Sigmas within which the reported place of a target moves: nearer limits than this hold the descent up."""
 
@@ -26,50 +26,20 @@ class LandingLimit(msgspec.Struct, frozen=True, kw_only=True):
     """A value of one of ArduPilot's parameters with which it gives up, or never does."""
 
     parameter: str
+    effect: str
+    """Case of ``landing_gives_up`` in the table of findings."""
     applies: Callable[[float, float], bool]
     """Whether it does with this value; the second argument is landing_max_sigma_m."""
-    level: Level
-    effect: str
-    fix: str
 
 
 LANDING_LIMITS: Final = (
+    LandingLimit(parameter="PLND_STRICT", effect="lands_anywhere", applies=lambda value, _: value == 0),
+    LandingLimit(parameter="PLND_STRICT", effect="hovers", applies=lambda value, _: value == 2),
+    LandingLimit(parameter="PLND_RET_MAX", effect="no_retry", applies=lambda value, _: value == 0),
     LandingLimit(
-        parameter="PLND_STRICT",
-        applies=lambda value, _: value == 0,
-        level=Level.WARNING,
-        effect="2 s after the target is lost the vehicle lands where it is",
-        fix="set PLND_STRICT to 1: it retries, and lands where it is after the last retry",
+        parameter="PLND_XY_DIST_MAX", effect="narrow", applies=lambda value, limit_m: 0 < value < SPREAD * limit_m
     ),
-    LandingLimit(
-        parameter="PLND_STRICT",
-        applies=lambda value, _: value == 2,
-        level=Level.NOTE,
-        effect="after the last retry the vehicle hovers until the pilot or the battery ends it",
-        fix="set PLND_STRICT to 1, unless that is intended",
-    ),
-    LandingLimit(
-        parameter="PLND_RET_MAX",
-        applies=lambda value, _: value == 0,
-        level=Level.WARNING,
-        effect="a target that is lost is not searched: no retry",
-        fix="set PLND_RET_MAX to 4",
-    ),
-    LandingLimit(
-        parameter="PLND_XY_DIST_MAX",
-        applies=lambda value, limit_m: 0 < value < SPREAD * limit_m,
-        level=Level.WARNING,
-        effect="the vehicle does not descend while the target is farther, which a claim within landing_max_sigma_m may "
-        "be by chance",
-        fix="set PLND_XY_DIST_MAX to 2.5, or landing_max_sigma_m lower",
-    ),
-    LandingLimit(
-        parameter="PLND_XY_DIST_MAX",
-        applies=lambda value, _: value == 0,
-        level=Level.NOTE,
-        effect="the vehicle descends however far the target is",
-        fix="set PLND_XY_DIST_MAX to 2.5, unless that is intended",
-    ),
+    LandingLimit(parameter="PLND_XY_DIST_MAX", effect="no_bound", applies=lambda value, _: value == 0),
 )
 
 
@@ -91,13 +61,7 @@ def _limits(parameters: Mapping[str, float], limit_m: float) -> Iterator[Finding
     for limit in LANDING_LIMITS:
         value = parameters.get(limit.parameter)
         if value is not None and limit.applies(value, limit_m):
-            yield Finding(
-                "landing_gives_up",
-                limit.level,
-                WHERE,
-                problem=f"{limit.parameter} = {value:g}: {limit.effect}",
-                fix=limit.fix,
-            )
+            yield make_finding("landing_gives_up", limit.effect, value=value)
 
 
 def _no_rangefinder(status: RunStatus) -> Iterator[Finding]:
@@ -105,37 +69,17 @@ def _no_rangefinder(status: RunStatus) -> Iterator[Finding]:
     heights = [status.parameters.get(f"PLND_ALT_{end}") for end in ("MIN", "MAX")]
     if status.telemetry.rates_hz.get("DISTANCE_SENSOR") or heights == [0.0, 0.0]:
         return
-    yield Finding(
-        "landing_no_rangefinder",
-        Level.WARNING,
-        WHERE,
-        problem="no DISTANCE_SENSOR arrives: where the target is lost the vehicle descends straight on and never "
-        "retries, whatever PLND_STRICT says",
-        fix="a rangefinder, or [publish] distance_sensor over a tag of known size; or PLND_ALT_MIN and PLND_ALT_MAX "
-        "both 0, which retries at any height",
-    )
+    yield make_finding("landing_no_rangefinder")
 
 
 def _no_global_position(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     expected = evidence.config.vehicle.position != "none"
     if status.telemetry.rates_hz.get("GLOBAL_POSITION_INT") and not (expected and status.origin is None):
         return
-    yield Finding(
-        "landing_needs_global_position",
-        Level.ERROR,
-        WHERE,
-        problem="PX4 has no global position, and its precision landing needs one",
-        fix="wait for GNSS reception; without any only ArduPilot lands on a target",
-    )
+    yield make_finding("landing_needs_global_position")
 
 
 def _local_position(status: RunStatus) -> Iterator[Finding]:
     trouble = status.telemetry.local_trouble
     if trouble:
-        yield Finding(
-            "landing_local_position",
-            Level.WARNING,
-            WHERE,
-            problem=f"the autopilot does not vouch for its local position ({trouble}): it lands without the target",
-            fix="GNSS reception, optical flow or visual odometry that its filter uses; wait until it has settled",
-        )
+        yield make_finding("landing_local_position", trouble=trouble)

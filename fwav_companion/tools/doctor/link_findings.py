@@ -10,7 +10,8 @@ from typing import Final
 from fwav_companion.config import LinkConfig
 from fwav_companion.links.url import LinkUrl, SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence, SerialPort
-from fwav_companion.tools.doctor.finding import Finding, Level, access_fix
+from fwav_companion.tools.doctor.finding import Finding, access_case
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.types.network_status import REQUESTS, LinkStatistics, PeerStatistics
 from fwav_companion.types.status import RunStatus
 
@@ -23,25 +24,6 @@ GARBAGE_SHARE: Final = 0.2
 LOSS: Final = 0.02
 """Largest share of lost frames: beyond it, attitudes are missing where they are needed."""
 LOSS_FRAMES: Final = 50
-FIRST_USERS_PORT: Final = 1024
-"""First port for users: lower ports are for root (ip(7), CAP_NET_BIND_SERVICE)."""
-
-COMMON_BAUDS: Final = "57600, 115200, 230400, 460800, 921600, 1500000"
-_LISTENING: Final = (
-    "have the other end send to this board and that port: MAVProxy --out, an [UdpEndpoint] of mavlink-router, "
-    "PX4's MAV_n_REMOTE_PRT; check for a firewall"
-)
-_SENDING: Final = "check that an autopilot or router listens at that address and answers; check for a firewall"
-_SILENT: Final = {
-    "udpin": _LISTENING,
-    "udpout": _SENDING,
-    "udpbcast": _SENDING,
-    "tcpin": "have the other end connect to this board's address and that port; check for a firewall",
-    "tcpout": "the connection is open and silent: check that this port speaks MAVLink",
-}
-_SILENT_SERIAL: Final = (
-    "check the cable (TX to RX), power, and the autopilot's port: SERIALn_PROTOCOL 2, or MAV_n_CONFIG on PX4"
-)
 
 
 def port_findings(evidence: Evidence) -> Iterator[Finding]:
@@ -60,7 +42,7 @@ def link_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
         if report.state == "up" and link.role == "autopilot":
             yield from _received(evidence, status, link)
         if report.state == "up":
-            yield from _claimed_ids(f"link {link.name}", status.traffic_of(link.name))
+            yield from _claimed_ids(link, status.traffic_of(link.name))
             yield from _shed(link, status.traffic_of(link.name))
             yield from _outdated(status, link)
 
@@ -86,151 +68,85 @@ def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
 
 def _closed_port(port: SerialPort, user: str) -> Iterator[Finding]:
     """Yield why the port cannot be opened."""
-    where = f"link {port.link}"
     if not port.exists:
-        there = f"; present: {', '.join(port.others)}" if port.others else "; no serial device is present"
-        yield Finding(
+        yield make_finding(
             "port_missing",
-            Level.ERROR,
-            where,
-            problem=f"{port.device} does not exist{there}",
-            fix="plug it in, or set [[link]] url to one that is; on a Raspberry Pi, enable_uart=1 in config.txt",
+            "others" if port.others else "none",
+            link=port.link,
+            device=port.device,
+            others=", ".join(port.others),
         )
     elif not port.allowed:
-        yield Finding(
+        yield make_finding(
             "port_permission",
-            Level.ERROR,
-            where,
-            problem=f"{user or 'this user'} may not read and write {port.device}",
-            fix=access_fix(port.device, port.group, usual="dialout", user=user),
+            access_case(port.group),
+            link=port.link,
+            device=port.device,
+            group=port.group,
+            user=user or "this user",
+            member=user or "$USER",
         )
 
 
 def _shared_port(port: SerialPort) -> Iterator[Finding]:
     """Yield what else uses the port, and whether its hardware is too slow."""
-    where = f"link {port.link}"
     if port.console:
-        yield Finding(
-            "serial_console",
-            Level.ERROR,
-            where,
-            problem=f"the kernel's console uses {port.device} ({port.console})",
-            fix=f"remove console={port.name} from cmdline.txt (raspi-config: serial login shell off), and reboot",
-        )
+        yield make_finding("serial_console", link=port.link, device=port.device, console=port.console, name=port.name)
     if port.bluetooth:
-        yield Finding(
-            "bluetooth_on_port",
-            Level.ERROR,
-            where,
-            problem=f"Bluetooth uses {port.device} ({port.bluetooth})",
-            fix="dtoverlay=disable-bt in config.txt, sudo systemctl disable hciuart, reboot",
-        )
+        yield make_finding("bluetooth_on_port", link=port.link, device=port.device, bluetooth=port.bluetooth)
     elif port.mini_uart and port.baud > 115_200:
-        yield Finding(
-            "mini_uart",
-            Level.WARNING,
-            where,
-            problem=f"{port.device} is the mini UART: its speed follows the core clock; {port.baud} baud loses bytes",
-            fix="dtoverlay=disable-bt in config.txt gives serial0 the full UART",
-        )
+        yield make_finding("mini_uart", link=port.link, device=port.device, baud=port.baud)
 
 
 def _down(evidence: Evidence, link: LinkConfig, why: str) -> Finding:
-    where, holder = f"link {link.name}", evidence.board.holders.get(link.name, "")
-    level = Level.ERROR if link.role == "autopilot" else Level.WARNING
+    holder = evidence.board.holders.get(link.name)
     if "in use" in why or "busy" in why or holder:
-        by = f" by {holder}" if holder else ""
-        return Finding(
-            "port_taken",
-            level,
-            where,
-            problem=f"{link.url} is in use{by} ({why})",
-            fix="end that program, or use another port",
-        )
-    return Finding(
-        "link_down",
-        level,
-        where,
-        problem=f"{link.url}: {why}",
-        fix=_down_fix(link.parsed_url, why),
-    )
+        return make_finding("port_taken", link.role, link=link.name, url=link.url, holder=holder, why=why)
+    return make_finding("link_down", link.role, _obstacle(link.parsed_url, why), link=link.name, url=link.url, why=why)
 
 
-def _down_fix(url: LinkUrl, why: str) -> str:
-    """Return what to change for a link that does not open, by the system's reason."""
+def _obstacle(url: LinkUrl, why: str) -> str:
+    """Return what keeps a link from opening, by the system's reason."""
     if os.strerror(EADDRNOTAVAIL) in why:
-        return "name an address of this board (`ip address` lists them), or 0.0.0.0 for all"
-    if os.strerror(EACCES) in why and not isinstance(url, SerialUrl):
-        return f"a port from {FIRST_USERS_PORT}: those below are for root"
-    return "check that the other end runs and the URL is right"
+        return "address"
+    return "privilege" if os.strerror(EACCES) in why and not isinstance(url, SerialUrl) else "other_end"
 
 
 def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterator[Finding]:
-    where, traffic = f"link {link.name}", status.traffic_of(link.name)
+    traffic = status.traffic_of(link.name)
     if traffic.bytes_in == 0:
         if status.up_s >= LISTENED_S:
-            fix = _silent_fix(link.parsed_url)
-            yield Finding("nothing_heard", Level.ERROR, where, problem=f"{link.url} received no byte", fix=fix)
+            yield make_finding("nothing_heard", _kind(link.parsed_url), link=link.name, url=link.url)
         return
     if _is_garbage(traffic):
         yield _garbage(link, traffic)
     if traffic.echoes > 0:
-        yield Finding(
-            "echo",
-            Level.WARNING,
-            where,
-            problem=f"{traffic.echoes} of this service's own frames came back",
-            fix="a crossed wire (RX to our own TX), or a router that sends back: take it out of the loop",
-        )
+        yield make_finding("echo", link=link.name, echoes=traffic.echoes)
     yield from _loss(status, link, traffic)
     yield from _signatures(evidence, status, link)
 
 
-def _claimed_ids(where: str, traffic: LinkStatistics) -> Iterator[Finding]:
+def _claimed_ids(link: LinkConfig, traffic: LinkStatistics) -> Iterator[Finding]:
     if traffic.own_ids_on_gcs > 0:
-        yield Finding(
-            "own_ids_on_gcs",
-            Level.WARNING,
-            where,
-            problem=f"{traffic.own_ids_on_gcs} frames came with the autopilot's ids, and were dropped",
-            fix="a station that forwards back: stop that; a second way to the autopilot: "
-            'role = "autopilot"; another vehicle: give it another system id; else a forgery: set [signing]',
-        )
+        yield make_finding("own_ids_on_gcs", link=link.name, frames=traffic.own_ids_on_gcs)
     if traffic.id_conflict > 0:
-        yield Finding(
-            "id_conflict",
-            Level.WARNING,
-            where,
-            problem=f"another program uses this service's ids ({traffic.id_conflict} frames)",
-            fix="set [vehicle] component_id = 192",
-        )
+        yield make_finding("id_conflict", link=link.name, frames=traffic.id_conflict)
 
 
 def _shed(link: LinkConfig, traffic: LinkStatistics) -> Iterator[Finding]:
     if traffic.shed_bytes > 0 and not (link.role == "autopilot" and _is_garbage(traffic)):
-        yield Finding(
-            "shed_bytes",
-            Level.WARNING,
-            f"link {link.name}",
-            problem=f"{traffic.shed_bytes} bytes were dropped unread: too many on this link are not MAVLink",
-            fix="find what sends there; let a firewall pass the known senders alone, or listen on another address",
-        )
+        yield make_finding("shed_bytes", link=link.name, shed_bytes=traffic.shed_bytes)
 
 
 def _outdated(status: RunStatus, link: LinkConfig) -> Iterator[Finding]:
     outdated, alone = status.traffic_of(link.name).outdated, link.role == "autopilot" and status.autopilot is None
     if outdated > 0:
-        yield Finding(
-            "outdated_signatures",
-            Level.ERROR if alone else Level.WARNING,
-            f"link {link.name}",
-            problem=f"{outdated} rightly signed frames were refused: their sender's clock is over a minute behind",
-            fix="give the sender the time (GPS or NTP) and let it send again; check this board's own time: timedatectl",
-        )
+        case = "no_autopilot" if alone else "autopilot"
+        yield make_finding("outdated_signatures", case, link=link.name, frames=outdated)
 
 
-def _silent_fix(url: LinkUrl) -> str:
-    return _SILENT_SERIAL if isinstance(url, SerialUrl) else _SILENT[url.kind]
+def _kind(url: LinkUrl) -> str:
+    return "serial" if isinstance(url, SerialUrl) else url.kind
 
 
 def _is_garbage(traffic: LinkStatistics) -> bool:
@@ -238,55 +154,30 @@ def _is_garbage(traffic: LinkStatistics) -> bool:
 
 
 def _garbage(link: LinkConfig, traffic: LinkStatistics) -> Finding:
-    share = round(100 * traffic.skipped_bytes / traffic.bytes_in)
-    fix = (
-        f"wrong baud rate: set [[link]] url to the autopilot's SERIALn_BAUD, one of {COMMON_BAUDS}"
-        if isinstance(link.parsed_url, SerialUrl)
-        else "another protocol is spoken on that port: check what sends there"
+    return make_finding(
+        "garbage",
+        "peers" if traffic.peers else "no_peer",
+        _kind(link.parsed_url),
+        link=link.name,
+        percent=round(100 * traffic.skipped_bytes / traffic.bytes_in),
+        bytes_in=traffic.bytes_in,
     )
-    level = Level.WARNING if traffic.peers else Level.ERROR
-    problem = f"{share} % of {traffic.bytes_in} bytes are not MAVLink"
-    return Finding("garbage", level, f"link {link.name}", problem=problem, fix=fix)
 
 
 def _loss(status: RunStatus, link: LinkConfig, traffic: LinkStatistics) -> Iterator[Finding]:
-    fix = (
-        "fewer streams or a higher baud rate; flow control; a shorter or shielded cable"
-        if isinstance(link.parsed_url, SerialUrl)
-        else "fewer streams; a wire instead of a radio, or a better place for its antennas; check the sender's load"
-    )
     for peer in traffic.peers:
         loss = judged_loss(status, link, peer)
         if loss is not None and loss > LOSS and peer.received >= LOSS_FRAMES:
-            problem = f"{100.0 * loss:.1f} % of the autopilot's frames are lost"
-            yield Finding("loss", Level.WARNING, f"link {link.name}", problem=problem, fix=fix)
+            yield make_finding("loss", _kind(link.parsed_url), link=link.name, percent=100.0 * loss)
 
 
 def _signatures(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterator[Finding]:
-    where, traffic = f"link {link.name}", status.traffic_of(link.name)
-    level = Level.ERROR if status.autopilot is None else Level.WARNING
+    traffic = status.traffic_of(link.name)
+    case = "no_autopilot" if status.autopilot is None else "autopilot"
     unanswered = status.timesync.exchanges == 0 and status.timesync.requests >= REQUESTS
     if traffic.refused_signatures > 0:
-        yield Finding(
-            "wrong_signature",
-            level,
-            where,
-            problem=f"{traffic.refused_signatures} frames are signed with another key",
-            fix="give the autopilot and [signing] key_file the same key",
-        )
+        yield make_finding("wrong_signature", case, link=link.name, frames=traffic.refused_signatures)
     elif traffic.refused_unsigned > 0:
-        yield Finding(
-            "unsigned",
-            level,
-            where,
-            problem=f"{traffic.refused_unsigned} unsigned frames were not believed, since [signing] is set",
-            fix=f'set the key in the autopilot, or [signing] accept_unsigned = ["{link.name}"] on a trusted wire',
-        )
+        yield make_finding("unsigned", case, link=link.name, frames=traffic.refused_unsigned)
     elif traffic.signed_unverified > 0 and evidence.config.signing is None and unanswered:
-        yield Finding(
-            "no_signing_key",
-            Level.WARNING,
-            where,
-            problem="the autopilot signs its frames, and no key is configured: it ignores what this service sends",
-            fix="set [signing] key_file to the autopilot's key",
-        )
+        yield make_finding("no_signing_key", link=link.name)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 
 
 def model_findings(evidence: Evidence) -> Iterator[Finding]:
@@ -14,36 +15,18 @@ def model_findings(evidence: Evidence) -> Iterator[Finding]:
     if report is None or vision is None:
         return
     if report.error:
-        yield Finding(
-            "model",
-            Level.ERROR,
-            "[vision] model",
-            problem=report.error,
-            fix="change what it names; the handbook's page of detectors has a line for each kind of model",
-        )
+        yield make_finding("model", error=report.error)
         return
-    yield Finding(
-        "model_reading",
-        Level.NOTE,
-        "[vision] model",
-        problem=f"read as {report.reading}",
-        fix="look at some pictures: `detect PICTURES --config FILE --draw DIR`",
-    )
+    yield make_finding("model_reading", reading=report.reading)
     if report.problem:
-        yield Finding(
-            "model_implausible",
-            Level.WARNING,
-            "[vision] model_format",
-            problem=report.problem,
-            fix="set the format, then look at some pictures: `detect PICTURES --config FILE --draw DIR`",
-        )
+        yield make_finding("model_implausible", why=report.problem)
     if report.passes > 1:
         columns, rows = vision.model_tiles
-        yield Finding(
+        yield make_finding(
             "model_tiles",
-            Level.NOTE,
-            "[vision] model_tiles",
-            problem=f"{columns} x {rows} tiles and the whole picture are {report.passes} passes of the model for each "
-            f"picture: {report.seconds:.2f} s here, {1.0 / max(report.seconds, 1e-3):.1f} pictures/s",
-            fix="fewer tiles, or more threads, if that is too slow: the newest picture is taken, others are skipped",
+            columns=columns,
+            rows=rows,
+            passes=report.passes,
+            seconds=report.seconds,
+            pictures_hz=1.0 / max(report.seconds, 1e-3),
         )

@@ -9,10 +9,12 @@ from typing import Final
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tools.doctor.detection_findings import FEW, MOST, SHARE, SKYWARD, judged_detections
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.types import Reason
 from fwav_companion.types.status import RunStatus
 
+ANGLES: Final = ("roll_deg", "pitch_deg", "yaw_deg")
 RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
 """Step and tolerance of angles typed in radians: mostly a multiple of 15 deg, with four digits."""
 LONGEST_LEVER_M: Final = 5.0
@@ -37,14 +39,14 @@ def _radians(evidence: Evidence) -> Iterator[Finding]:
     mount = evidence.config.camera.mount
     if not _in_radians(mount.angles):
         return
-    named = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), mount.angles, strict=True))
-    yield Finding(
+    named = {name: angle for name, angle in zip(ANGLES, mount.angles, strict=True) if angle}
+    elevation_deg = _level_elevation_deg(evidence)
+    yield make_finding(
         "mount_in_radians",
-        Level.ERROR,
-        "[camera.mount]",
-        problem=", ".join(f"{name} = {angle:g}" for name, angle in named.items() if angle)
-        + f": these look like radians; as degrees the camera looks {_horizon(_level_elevation_deg(evidence))}",
-        fix="write degrees: " + ", ".join(f"{name} = {degrees(angle):.1f}" for name, angle in named.items() if angle),
+        angles=", ".join(f"{name} = {angle:g}" for name, angle in named.items()),
+        degrees=", ".join(f"{name} = {degrees(angle):.1f}" for name, angle in named.items()),
+        elevation_deg=abs(elevation_deg),
+        side=_side(elevation_deg),
     )
 
 
@@ -53,12 +55,12 @@ def _lever(evidence: Evidence) -> Iterator[Finding]:
     position_m = evidence.config.camera.mount.position_m
     length_m = hypot(*position_m)
     if length_m >= LONGEST_LEVER_M:
-        yield Finding(
+        yield make_finding(
             "lever_arm_long",
-            Level.WARNING,
-            "[camera.mount] position_m",
-            problem=f"{_listed(position_m)}: the camera would be {length_m:.0f} m from the vehicle's reference point",
-            fix=f"write metres: {_listed(position_m, 1e3)} if these are mm, {_listed(position_m, 1e2)} if cm",
+            position=_listed(position_m),
+            length_m=length_m,
+            by_mm=_listed(position_m, 1e3),
+            by_cm=_listed(position_m, 1e2),
         )
 
 
@@ -84,34 +86,29 @@ def _above_horizon(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     if _looks_steeply_down(evidence, elevation_deg):
         lost -= uncertain
         if uncertain >= FEW and uncertain > SHARE * judged:
-            yield Finding(
-                "direction_uncertain",
-                Level.WARNING,
-                "detections",
-                problem=f"{uncertain} of {judged} detections look in a direction that is known to some degrees only",
-                fix="see the findings about the clock, rates and loss; a loaded computer hears its messages late",
-            )
-    angles = ", ".join(f"{angle:g}" for angle in mount.angles)
-    looks = _horizon(_level_elevation_deg(evidence) if elevation_deg is None else elevation_deg)
+            yield make_finding("direction_uncertain", count=uncertain, judged=judged)
     if lost >= FEW and lost > SHARE * judged:
-        problem = f"{lost} of {judged} detections look above the horizon or too flat to meet the ground"
-        level = Level.ERROR if lost > MOST * judged else Level.WARNING
+        sight, mostly = "detections", lost > MOST * judged
     elif not judged and elevation_deg is not None and _sees_no_ground(evidence, elevation_deg):
-        problem = "no part of the image shows ground"
-        level = Level.ERROR if _sees_no_ground(evidence, _level_elevation_deg(evidence)) else Level.WARNING
+        sight, mostly = "image", _sees_no_ground(evidence, _level_elevation_deg(evidence))
     else:
         return
-    yield Finding(
-        Reason.ABOVE_HORIZON.value,
-        level,
-        "[camera.mount]",
-        problem=f"{problem}: by roll, pitch, yaw = {angles} deg the camera looks {looks}",
-        fix="correct [camera.mount]: pitch_deg = -90 looks straight down, image top to the nose",
+    looks_deg = _level_elevation_deg(evidence) if elevation_deg is None else elevation_deg
+    yield make_finding(
+        "above_horizon",
+        sight,
+        "mostly" if mostly else "partly",
+        lost=lost,
+        judged=judged,
+        angles=", ".join(f"{angle:g}" for angle in mount.angles),
+        elevation_deg=abs(looks_deg),
+        side=_side(looks_deg),
     )
 
 
-def _horizon(elevation_deg: float) -> str:
-    return f"{abs(elevation_deg):.0f} deg {'above' if elevation_deg > 0.0 else 'below'} the horizon"
+def _side(elevation_deg: float) -> str:
+    """Return on which side of the horizon the camera looks."""
+    return "above" if elevation_deg > 0.0 else "below"
 
 
 def _level_elevation_deg(evidence: Evidence) -> float:
@@ -137,15 +134,7 @@ def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     moving = evidence.config.tracking.motion == "moving"
     if not agreement.disagrees or (moving and turn_deg is None):
         return
-    thing = f'"{agreement.label}"' if agreement.label else "one target"
-    problem = f"fixes of {thing} disagree by {agreement.apart_m:.1f} m (median): more than [uncertainty] allows"
-    if turn_deg is None:
-        fix = (
-            "`check --shake` finds the camera's mount and delay; [camera.mount] gimbal_device_id for a gimbal; "
-            'if the target moves, [tracking] motion = "moving"'
-        )
-        yield Finding("fixes_disagree", Level.WARNING, "[camera.mount]", problem=problem, fix=fix)
-    else:
-        yaw_deg = (mount.yaw_deg + turn_deg + 180.0) % 360.0 - 180.0
-        fix = f"set yaw_deg = {yaw_deg:g}: with it they agree; `check --shake` proves the mount"
-        yield Finding("fixes_disagree", Level.ERROR, "[camera.mount]", problem=problem, fix=fix)
+    target = f'"{agreement.label}"' if agreement.label else "one target"
+    yaw_deg = None if turn_deg is None else (mount.yaw_deg + turn_deg + 180.0) % 360.0 - 180.0
+    case = "no_turn" if turn_deg is None else "turn"
+    yield make_finding("fixes_disagree", case, target=target, apart_m=agreement.apart_m, yaw_deg=yaw_deg)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.situation import AutopilotKind
 from fwav_companion.types.status import RunStatus
@@ -31,25 +32,18 @@ def takes_no_requests(status: RunStatus) -> bool:
 def rates_not_taken(status: RunStatus, source: str, wanted_hz: float) -> Finding:
     """Return the finding. ``source``: the message that attitudes are taken from."""
     hz = status.telemetry.rates_hz.get(source, 0.0)
-    return Finding(
+    return make_finding(
         "rates_not_taken",
-        Level.NOTE if hz >= wanted_hz else Level.WARNING,
-        "rates",
-        problem=f"the autopilot does not take rate requests: {source} at {hz:.0f} Hz as it comes; enough for a camera "
-        f"that swings below {hz / ATTITUDES_A_SWING:.1g} Hz",
-        fix=rate_setting(status, wanted_hz),
+        "enough" if hz >= wanted_hz else "slow",
+        autopilot_kind(status),
+        source=source,
+        hz=hz,
+        swing_hz=hz / ATTITUDES_A_SWING,
+        rate_hz=wanted_hz,
+        small_firmware_hz=min(wanted_hz, SMALL_FIRMWARES_HZ),
     )
 
 
-def rate_setting(status: RunStatus, wanted_hz: float) -> str:
-    """Return where the vehicle's attitude rate is set."""
-    autopilot = status.autopilot
-    kind = AutopilotKind.OTHER.value if autopilot is None else autopilot.kind
-    if kind == AutopilotKind.ARDUPILOT.value:
-        where = f"set SRn_EXTRA1 (MAVn_EXTRA1 from 4.7) to {wanted_hz:.0f}"
-    elif kind == AutopilotKind.PX4.value:
-        where = "set MAV_n_MODE to Onboard"
-    else:
-        hz = min(wanted_hz, SMALL_FIRMWARES_HZ)
-        return f"set its telemetry rate to {hz:.0f} Hz (INAV, Betaflight: mavlink_extra1_rate = {hz:.0f})"
-    return f"check that what this service sends reaches it (on a wire our TX on its RX); else {where}"
+def autopilot_kind(status: RunStatus) -> str:
+    """Return the case of ``rate_setting`` in the table of findings: where the vehicle's attitude rate is set."""
+    return "" if status.autopilot is None else status.autopilot.kind

@@ -10,10 +10,11 @@ from hearing import codes
 
 from fwav_companion.config import parse
 from fwav_companion.tools.doctor.board import Probe
-from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.evidence import Board, Evidence, Files, SerialPort
 from fwav_companion.tools.doctor.examination import examine
-from fwav_companion.tools.doctor.finding import Finding, access_fix
+from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.gathering import load_files
+from fwav_companion.tools.doctor.link_findings import port_findings
 
 TEXT = AUTOPILOT.replace("udpin://127.0.0.1:14540", "serial:///dev/serial0:921600") + (
     '[camera]\ncalibration = "camera.yaml"\n[vision]\nsource = "/dev/video0"\n'
@@ -251,11 +252,14 @@ def test_a_file_that_may_not_be_opened_is_named(pi, denied, code):
 
 
 def test_the_fix_of_a_device_of_roots_group_does_not_make_its_user_a_member_of_it():
-    theirs = access_fix("/dev/ttyUSB0", "dialout", usual="dialout", user="pi")
-    roots = access_fix("/dev/ttyS0", "root", usual="dialout", user="pi")
-    assert theirs == "sudo usermod -aG dialout pi, then log in again"
-    assert "chgrp dialout /dev/ttyS0" in roots
-    assert "-aG root" not in roots
+    theirs, roots = (
+        SerialPort(link="a", device=device, baud=57600, exists=True, allowed=False, group=group)
+        for device, group in (("/dev/ttyUSB0", "dialout"), ("/dev/ttyS0", "root"))
+    )
+    evidence = Evidence(config=None, board=Board(user="pi", ports=[theirs, roots]), files=Files(), status=None)
+    member = "sudo usermod -aG dialout pi, then log in again"
+    keep = "sudo chgrp dialout /dev/ttyS0; sudo chmod g+rw /dev/ttyS0 (a udev rule keeps both)"
+    assert [finding.fix for finding in port_findings(evidence)] == [member, f"{keep}; {member}"]
 
 
 def test_the_holder_of_a_port_is_found_by_its_socket():
