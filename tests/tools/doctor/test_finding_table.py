@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from itertools import combinations
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,13 @@ def test_every_constant_case_has_a_text_or_a_level():
         fields = [FINDINGS[code].level, *fields_of(code)]
         known = {case for field in fields if isinstance(field, dict) for case in field}
         assert "else" in known or set(cases) <= known, code
+
+
+@pytest.mark.parametrize("code", FINDINGS)
+def test_fields_of_a_finding_name_the_same_cases_or_have_none_in_common(code):
+    fields = [FINDINGS[code].level, *fields_of(code)]
+    named = [field.keys() for field in fields if isinstance(field, dict) and "else" not in field]
+    assert all(one == other or not one & other for one, other in combinations(named, 2))
 
 
 def test_every_finding_is_planted():
