@@ -17,7 +17,7 @@ from contextlib import redirect_stdout, suppress
 from inspect import getsource
 from pathlib import Path
 from string import Formatter
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import msgspec
 from msgspec import inspect
@@ -25,12 +25,13 @@ from msgspec import inspect
 from fwav_companion.cli.main import COMMANDS, main
 from fwav_companion.config import Config
 from fwav_companion.tools.doctor.finding_table import FINDINGS, SHARED_PARTS, FindingEntry, Template
-from fwav_companion.tools.reason_table import REASONS
+from fwav_companion.tools.reason_table import REASONS, judged_reasons
 from fwav_companion.types import NoticeCode, Reason
 from sitl_mock.autopilots import AUTOPILOTS
 from sitl_mock.scenarios import SCENARIOS
 
 T = TypeVar("T")
+THINGS: Final[tuple[Literal["frame", "detection"], ...]] = ("frame", "detection")
 FOLDER: Final = Path(__file__).parent / "reference"
 HELP_COLUMNS: Final = "100"
 """Width at which argparse wraps its help."""
@@ -208,11 +209,9 @@ def findings_page() -> str:
         "# Findings\n\nWhat `fwav-companion check` reports. ERROR: the service does not do its work; WARNING: it "
         "works less well than it could; NOTE: worth knowing. `…` is a value of the moment.\n"
     )
-    rows = [
-        row(f"`{code}`", " or ".join(cases_of(entry.level)), words_of(entry.problem, entry), words_of(entry.fix, entry))
-        for code, entry in sorted(FINDINGS.items())
-    ]
-    return "\n".join([intro, "| finding | level | problem | what to do |", "|---|---|---|---|", *rows, ""])
+    rows = [finding_row(code, entry) for code, entry in FINDINGS.items()]
+    rows += [judged_row(reason, things) for things in THINGS for reason in judged_reasons(things)]
+    return "\n".join([intro, "| finding | level | problem | what to do |", "|---|---|---|---|", *sorted(rows), ""])
 
 
 def scenarios_page() -> str:
@@ -231,6 +230,19 @@ def scenarios_page() -> str:
     )
     scenarios = [intro, "| scenario | flight |", "|---|---|", *rows, ""]
     return "\n".join([*scenarios, others, "| autopilot | behaviour |", "|---|---|", *autopilots, ""])
+
+
+def finding_row(code: str, entry: FindingEntry) -> str:
+    """The row of a finding of the table."""
+    levels = " or ".join(level.value for level in cases_of(entry.level))
+    return row(f"`{code}`", levels, words_of(entry.problem, entry), words_of(entry.fix, entry))
+
+
+def judged_row(reason: Reason, things: str) -> str:
+    """The row of a finding about refused frames or detections: of the reason's level where it costs most of them."""
+    entry = REASONS[reason]
+    levels = "WARNING" if entry.level == "WARNING" else f"{entry.level} or WARNING"
+    return row(f"`{reason.value}`", levels, f"… of … {things}s {entry.problem}", entry.remedy)
 
 
 def words_of(template: Template, entry: FindingEntry) -> str:

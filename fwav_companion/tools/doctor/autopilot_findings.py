@@ -10,19 +10,18 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.tools.doctor.position_findings import position_findings
-from fwav_companion.tools.doctor.rate_findings import (
-    ATTITUDES_A_SWING,
-    SMALL_FIRMWARES_HZ,
-    autopilot_kind,
-    rates_not_taken,
-    takes_no_requests,
-)
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.flight_status import ClockReport
 from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.network_status import REQUESTS, PeerStatistics, StreamReport
+from fwav_companion.types.situation import AutopilotKind
 from fwav_companion.types.status import RunStatus
 
+ATTITUDES_A_SWING: Final = 10.0
+"""Attitudes needed a wing beat or swing: the wanted rate is at least ten times its frequency."""
+SMALL_FIRMWARES_HZ: Final = 50.0
+"""Highest telemetry rate of INAV and Betaflight (TELEMETRY_MAVLINK_MAXRATE in src/main/telemetry/mavlink.c)."""
+NOT_TAKEN: Final = frozenset({"unanswered", "unsupported", "denied"})
 REACHED: Final = 0.85
 """Least share of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
 LOOP_SHARE: Final = 0.8
@@ -103,10 +102,10 @@ def _attitude(evidence: Evidence, status: RunStatus, system: int) -> Iterator[Fi
             yield make_finding("no_attitude", system=system)
         return
     wanted_hz, measured_hz = evidence.config.rates.attitude, measured_attitude_hz(status)
-    taken = not takes_no_requests(status)
+    taken = not _takes_no_requests(status)
     undone_by = next((stream.undone_by for stream in status.rates.values() if _is_undone(stream)), "")
     if not taken:
-        yield rates_not_taken(status, source, wanted_hz)
+        yield _rates_not_taken(status, source, wanted_hz)
     elif undone_by and measured_hz is not None:
         yield make_finding(
             "rates_undone",
@@ -123,7 +122,7 @@ def _attitude(evidence: Evidence, status: RunStatus, system: int) -> Iterator[Fi
         yield make_finding(
             "too_slow_for_motion",
             "requests" if taken else "no_requests",
-            autopilot_kind(status),
+            _kind(status),
             system=system,
             source=source,
             hz=telemetry.rates_hz.get(source, 0.0),
@@ -131,6 +130,38 @@ def _attitude(evidence: Evidence, status: RunStatus, system: int) -> Iterator[Fi
             rate_hz=rate_hz,
             small_firmware_hz=min(rate_hz, SMALL_FIRMWARES_HZ),
         )
+
+
+def _takes_no_requests(status: RunStatus) -> bool:
+    """Return whether some request for a rate failed, and none was granted.
+
+    A firmware of another kind may still take the group request that follows (INAV), while attitude is asked for.
+    """
+    rows = status.rates.values()
+    granted = any(row.state == "granted" and row.asked_hz is not None for row in rows)
+    other = status.autopilot is not None and status.autopilot.kind == AutopilotKind.OTHER.value
+    asking = other and any(status.rates[name].state == "asking" for name in ATTITUDE_MESSAGES if name in status.rates)
+    return not granted and not asking and any(row.state in NOT_TAKEN for row in rows)
+
+
+def _rates_not_taken(status: RunStatus, source: str, wanted_hz: float) -> Finding:
+    """Return the finding. ``source``: the message that attitudes are taken from."""
+    hz = status.telemetry.rates_hz.get(source, 0.0)
+    return make_finding(
+        "rates_not_taken",
+        "enough" if hz >= wanted_hz else "slow",
+        _kind(status),
+        source=source,
+        hz=hz,
+        swing_hz=hz / ATTITUDES_A_SWING,
+        rate_hz=wanted_hz,
+        small_firmware_hz=min(wanted_hz, SMALL_FIRMWARES_HZ),
+    )
+
+
+def _kind(status: RunStatus) -> str:
+    """Return the case of ``rate_setting`` in the table of findings: where the vehicle's attitude rate is set."""
+    return "" if status.autopilot is None else status.autopilot.kind
 
 
 def measured_attitude_hz(status: RunStatus) -> float | None:

@@ -13,12 +13,11 @@ from fwav_companion.tools.doctor.detection_findings import detection_findings
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.finding_table import make_finding
-from fwav_companion.tools.doctor.gimbal_findings import gimbal_findings
 from fwav_companion.tools.doctor.landing_findings import landing_findings
 from fwav_companion.tools.doctor.landmark_findings import landmark_findings
 from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
 from fwav_companion.tools.doctor.model_findings import model_findings
-from fwav_companion.tools.doctor.mount_findings import mount_findings
+from fwav_companion.tools.doctor.mount_findings import gimbal_findings, mount_findings
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.network_status import REQUESTS
 from fwav_companion.types.status import RunStatus

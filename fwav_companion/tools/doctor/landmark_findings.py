@@ -39,7 +39,8 @@ def landmark_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding
 
 def _not_applied(evidence: Evidence) -> Finding:
     config = evidence.config
-    moving = [thing.label for thing in (*config.target, *config.pad) if thing.motion == "moving"]
+    moving = [target.label for target in config.target if target.motion == "moving"]
+    moving += [pad.label for pad in config.pad if pad.motion == "moving"]
     return make_finding(
         "landmarks_not_applied",
         "motion" if config.tracking.filter == "kalman" else "filter",

@@ -1,4 +1,4 @@
-"""The camera's mount: is it in degrees, does the camera see ground, do the fixes of one target agree."""
+"""The camera's mount: is it in degrees, does the camera see ground, do the fixes of one target agree; the gimbal."""
 
 from __future__ import annotations
 
@@ -138,3 +138,21 @@ def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     yaw_deg = None if turn_deg is None else (mount.yaw_deg + turn_deg + 180.0) % 360.0 - 180.0
     case = "no_turn" if turn_deg is None else "turn"
     yield make_finding("fixes_disagree", case, target=target, apart_m=agreement.apart_m, yaw_deg=yaw_deg)
+
+
+def gimbal_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield everything about the gimbal; nothing for a camera that is fixed to the body, unless a gimbal is heard."""
+    if not evidence.config.localizes or evidence.files.calibration is None:
+        return
+    device_id = status.telemetry.gimbal_unused
+    if device_id is not None:
+        yield make_finding("gimbal_unused", device_id=device_id)
+    gimbal = status.telemetry.gimbal
+    if gimbal is None:
+        return
+    if gimbal.refused_as is not None:
+        yield make_finding("gimbal_refused", gimbal.refused_as, reason=gimbal.refused_as)
+    if gimbal.heading_off_deg is not None:
+        yield make_finding("gimbal_heading", off_deg=gimbal.heading_off_deg)
+    if gimbal.levelled is None and gimbal.age_s is not None:
+        yield make_finding("gimbal_horizon")

@@ -13,7 +13,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.tools.doctor.acting_findings import acting_findings
 from fwav_companion.tools.doctor.gathering import quiet
-from fwav_companion.tools.doctor.gimbal_findings import gimbal_findings
+from fwav_companion.tools.doctor.mount_findings import gimbal_findings
 from fwav_companion.types.flight_status import ActingReport, GimbalReport
 
 HELD = {
