@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.foreign_files import LARGE_HELP, foreign_files
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import require
@@ -51,13 +52,14 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="another camera file of this camera: how far its rays are from ours",
     )
     add("--report", metavar="DIR", type=Path, help="a folder for calibration.png: residuals, coverage, the lens")
+    add("--large", action="store_true", help=LARGE_HELP)
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate; exit status 0: good or usable, 1: poor or no lens. UserError: wrong arguments or pictures."""
-    with as_by_ctrl_c():
+    with as_by_ctrl_c(), foreign_files("calibrate", large=arguments.large):
         return _calibrated(arguments)
 
 

@@ -105,6 +105,13 @@ def test_a_picture_of_a_gigapixel_is_refused_by_its_header(folder):
     ]
 
 
+def test_calibrate_refuses_a_picture_of_a_gigapixel(folder):
+    """It decoded it, into a gigabyte."""
+    (folder / "a.png").write_bytes(large_png(30_000))
+    (line,) = alone(folder, "calibrate", "a.png", "--board", "chessboard:9x6:25mm", "--out", "c.yaml")
+    assert line.startswith("fwav-companion: a.png: a damaged picture, or one too large; accepted: ")
+
+
 def test_locate_asks_for_the_size_first_and_large_lifts_the_limit(folder):
     (folder / "a.png").write_bytes(large_png(15_000))
     refused = run_command("locate", "a.png", "--pixel", "1,1", folder=folder).stderr
