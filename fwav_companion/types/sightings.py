@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Protocol
+from typing import Annotated, Protocol, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
@@ -146,18 +147,22 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
         return self.state.boot_ns
 
 
+SigmaMetres: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e8)]
+"""One sigma, metres; a recording's of more than several Earths is damage."""
+
+
 class ErrorBudget(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     """One sigma of the horizontal position by cause, m: square root of the trace of each cause's covariance."""
 
-    pixel: float
-    attitude: float
-    heading: float
-    height: float
-    time: float
-    mount: float
-    position: float
-    terrain: float
-    target: float | None = None
+    pixel: SigmaMetres
+    attitude: SigmaMetres
+    heading: SigmaMetres
+    height: SigmaMetres
+    time: SigmaMetres
+    mount: SigmaMetres
+    position: SigmaMetres
+    terrain: SigmaMetres
+    target: SigmaMetres | None = None
     """Height of a standing target; None of one that lies on the ground: recordings then have no such key."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
@@ -17,6 +17,7 @@ from fwav_companion.recording.line_types import (
     HeaderLine,
     Line,
     OriginLine,
+    PlausibleMetres,
     SightingLine,
     TargetLine,
     header_of,
@@ -46,6 +47,29 @@ from fwav_companion.types.flight_status import ParameterReport
 
 CUT_OFF = SummaryLine(frames=0, detections=0, fixes=0, dropped={})
 """Summary of a recording that has none: it was cut off."""
+class UsedLandmark(msgspec.Struct, frozen=True):
+    """A [[landmark]] of the recorded configuration."""
+
+    label: str
+    lat: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
+    lon: Annotated[float, msgspec.Meta(ge=-360.0, le=360.0)]
+    alt_amsl: PlausibleMetres
+    sigma_m: PlausibleMetres
+
+
+class UsedTracking(msgspec.Struct, frozen=True):
+    """[tracking] of the recorded configuration."""
+
+    motion: str = ""
+
+
+class UsedConfig(msgspec.Struct, frozen=True):
+    """What a report reads of the recorded configuration."""
+
+    tracking: UsedTracking = UsedTracking()
+    landmark: tuple[UsedLandmark, ...] = ()
+
+
 TIMED = (TargetLine, ClockEstimateLine, CalibrationLine)
 """Lines that span a flight."""
 
@@ -200,6 +224,7 @@ def flight_data(
     header, end_line = header_of(lines), lines[-1]
     if header is None:
         raise TypeError(f"the first line is not a header: {lines[0]!r}")
+    config = _used(header.config)
     summary = end_line if isinstance(end_line, SummaryLine) else CUT_OFF
     sightings = [line for line in lines if isinstance(line, SightingLine)]
     place = next((line.origin for line in lines if isinstance(line, HeaderLine | OriginLine) and line.origin), None)
@@ -233,34 +258,42 @@ def flight_data(
         picture=picture,
         hidden=dict(hidden or {}),
         notes=[*notes, *_terrain_notes(summary), *map(_sentence, notice_texts(summary))],
-        moving=header.config.get("tracking", {}).get("motion") == "moving",
+        moving=config.tracking.motion == "moving",
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
         landing=None if recorded is None else landing_record(lines, recorded, start),
         final=final_targets(lines, targets),
-        landmarks=_landmarks(header.config.get("landmark", ()), summary, plane),
+        landmarks=_landmarks(config.landmark, summary, plane),
     )
 
 
+def _used(config: Mapping[str, Any]) -> UsedConfig:
+    """The part that is read; the defaults where a header has no configuration of this package."""
+    try:
+        return msgspec.convert(config, UsedConfig)
+    except msgspec.ValidationError:
+        return UsedConfig()
+
+
 def _landmarks(
-    configured: Sequence[Mapping[str, Any]], summary: SummaryLine, plane: TangentPlane | None
+    configured: Sequence[UsedLandmark], summary: SummaryLine, plane: TangentPlane | None
 ) -> list[LandmarkSeries]:
     """The landmarks with their results; empty without an origin."""
     shown = {each.label: each for each in summary.landmarks}
     found = []
     for landmark in configured if plane is not None else ():
-        result = shown.get(landmark["label"])
+        result = shown.get(landmark.label)
         if plane is None or result is None:
             continue
-        place = Geodetic.from_degrees(landmark["lat"], landmark["lon"], landmark["alt_amsl"])
+        place = Geodetic.from_degrees(landmark.lat, landmark.lon, landmark.alt_amsl)
         north, east, _ = plane.ned_from_geodetic(place)
         found.append(
             LandmarkSeries(
-                label=landmark["label"],
+                label=landmark.label,
                 north=north,
                 east=east,
-                sigma_m=landmark["sigma_m"],
+                sigma_m=landmark.sigma_m,
                 used=result.used,
                 refused=result.refused,
                 result=landmark_result(result),

@@ -4,12 +4,13 @@ import json
 
 import msgspec
 import pytest
-from report_lines import approach, calibration, header, summary, target
+from report_lines import approach, calibration, header, sighting, summary, target
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.line_decoder import read_lines
 from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.recording.lines import encode_line
+from fwav_companion.tools.report.sighting_statistics import CAUSES
 from fwav_companion.tools.report.writer import write_comparison
 
 WHOLE = [
@@ -51,6 +52,20 @@ def test_a_line_that_is_no_target_is_left_out_and_counted(damage, tmp_path):
     assert (len(read.lines), read.damaged, read.unknown) == (len(WHOLE), 1, 0)
     path = file_of(tmp_path, "t.jsonl", lines)
     assert "nan" not in write_comparison(tmp_path, path, path, []).read_text()
+
+
+@pytest.mark.parametrize("config", [{"landmark": None}, {"landmark": [{"label": "a", "lat": []}]}, {"tracking": 3}], ids=str)
+def test_configuration_that_is_none_of_this_package_costs_its_landmarks_alone(config, tmp_path):
+    origin = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
+    head = msgspec.to_builtins(header(origin=origin, config=config))
+    path = file_of(tmp_path, "t.jsonl", [head, *WHOLE[1:]])
+    assert "mark" in write_comparison(tmp_path, path, path, []).read_text()
+
+
+def test_a_sighting_of_an_impossible_budget_is_left_out_and_counted(tmp_path):
+    line = msgspec.to_builtins(sighting(1.0, {})) | {"budget": dict.fromkeys(CAUSES, 1e308)}
+    path = file_of(tmp_path, "t.jsonl", [*WHOLE[:2], line, *WHOLE[2:]])
+    assert "1 damaged lines were left out" in write_comparison(tmp_path, path, path, []).read_text()
 
 
 @pytest.mark.parametrize("key", ["time_unix", "frame", "track", "label", "state", "north", "east", "cov", "fix"])
