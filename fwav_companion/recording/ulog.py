@@ -116,7 +116,9 @@ class _Rows:
         """(boot time in microseconds, values) of each finite row, by time. A name may have alternatives: ``a|b``."""
         logged, sampled = self._column("timestamp") or (), self._column("timestamp_sample")
         # Drivers that do not know the sampling time leave 0, as those of real GPS receivers do.
-        times = [int(sample or at_us) for at_us, sample in zip(logged, sampled or logged, strict=True)]
+        given = [sample or at_us for at_us, sample in zip(logged, sampled or logged, strict=True)]
+        # A damaged definition may call them floats. A time before boot is left out as damage.
+        times = [int(at_us) if isfinite(at_us) else -1 for at_us in given]
         columns = [self._column(name) for name in names]
         if any(column is None for column in columns):
             return

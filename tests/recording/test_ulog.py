@@ -57,3 +57,11 @@ def test_without_a_home_the_flight_begins_on_the_ground(tmp_path):
     home = ([("float", "alt")], [(1_000_000, 500.0)])
     log, _, _ = read(tmp_path, vehicle_global_position=PLACES, home_position=home)
     assert log.positions[0].height_above_home_m == pytest.approx(31.0)
+
+
+@pytest.mark.parametrize("damaged", [float("nan"), float("inf")])
+def test_rows_whose_time_is_no_number_are_left_out(tmp_path, damaged):
+    """A damaged definition calls the sampling time a float: a traceback."""
+    rows = [(row[0], damaged if step % 10 == 5 else float(row[0]), *row[1:]) for step, row in enumerate(ATTITUDE[1])]
+    log, _, _ = read(tmp_path, vehicle_attitude=([("double", "timestamp_sample"), *ATTITUDE[0]], rows))
+    assert len(log.attitudes) == len(rows) * 9 // 10
