@@ -10,6 +10,7 @@ from statistics import median
 import cv2
 import numpy as np
 import pytest
+from draws import slow_of
 from scipy.ndimage import shift
 
 from fwav_companion.types.spots import SpotView
@@ -92,12 +93,12 @@ def test_a_spot_is_followed_while_the_body_flaps():
     assert max(errors) < 3.0
 
 
-@pytest.mark.slow
-def test_spots_of_many_flights_are_found_again_and_never_another_thing():
+@pytest.mark.parametrize("flights", slow_of(10, 20, few=1))
+def test_spots_of_many_flights_are_found_again_and_never_another_thing(flights):
     """Two figures of eight a flight: the spot leaves the picture and comes back from another side."""
-    results = [follow(seed, fps=10.0, frames=200) for seed in range(1, 21)]
+    results = [follow(seed, fps=10.0, frames=200) for seed in range(1, flights + 1)]
     sharp, found = (sum(each[column] for each in results) for column in (2, 3))
-    assert found >= 0.95 * sharp > 60
+    assert found >= 0.95 * sharp > 3 * flights
     assert max(max(each[0]) for each in results) < 6.0, "another thing is at least a patch's half away"
     assert 0.4 < median(sum(each[1]) / len(each[1]) for each in results) < 1.6
 
