@@ -94,7 +94,7 @@ class TileFile:
 
 def _info(database: sqlite3.Connection) -> TilesInfo:
     """The file's description of its tiles. LookupError if it has no tiles with pictures."""
-    metadata = {}
+    metadata: dict[str, object] = {}
     for name in DESCRIBED:
         found = database.execute("SELECT value FROM metadata WHERE name = ?", (name,)).fetchone()
         metadata |= {} if found is None else {name: found[0]}
