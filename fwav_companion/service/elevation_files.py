@@ -35,8 +35,8 @@ MOST_UNZIPPED = 100_000_000
 MOST_SAMPLES = 40_000_000
 """Most samples of a GeoTIFF: 160 MB in memory. A tile of one arc second has 13 million."""
 RASTER_DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".dt0": "DTED", ".dt1": "DTED", ".dt2": "DTED"}
-"""GDAL's driver by the suffix. Left to choose by the content, GDAL takes drivers that fetch from the network, or read any
-other file that the content names (VRT, WMS)."""
+"""GDAL's driver by the suffix. Left to choose by the content, GDAL takes drivers that fetch from the network, or read
+any other file that the content names (VRT, WMS)."""
 ACCEPTED = ".hgt, .hgt.zip, .tif, .tiff, .dt0, .dt1 and .dt2"
 
 
@@ -128,7 +128,10 @@ def _read_geotiff(path: Path) -> ElevationTile:
     from rasterio.vrt import WarpedVRT
 
     try:
-        with rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"), rasterio.open(path, driver=RASTER_DRIVERS[path.suffix.lower()]) as source:
+        with (
+            rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"),
+            rasterio.open(path, driver=RASTER_DRIVERS[path.suffix.lower()]) as source,
+        ):
             _require_samples(path, source)
             if source.crs is None:
                 raise InputFileError(f"{path}: it has no coordinate system; accepted: a georeferenced GeoTIFF")

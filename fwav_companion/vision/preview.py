@@ -179,6 +179,14 @@ class _Server(ThreadingHTTPServer):
         """Ignore a browser that went away."""
 
 
+def _has_left(connection: socket.socket) -> bool:
+    """Whether a browser has closed its connection: while no picture comes, no write shows it."""
+    try:
+        return not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return False
+
+
 def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         timeout = SEND_S
@@ -200,20 +208,13 @@ def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:
         def log_message(self, *_: Any) -> None:
             """Log no request."""
 
-        def _has_left(self) -> bool:
-            """Whether the browser has closed its connection: while no picture comes, no write shows it."""
-            try:
-                return not self.connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                return False
-
         def _stream(self) -> None:
             self.send_response(200)
             self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={BOUNDARY}")
             self.send_header("Cache-Control", "no-store")
             self.end_headers()
             number = 0
-            while not self._has_left():
+            while not _has_left(self.connection):
                 number, shown = preview.newer_than(number)
                 if shown is not None:
                     picture, found = shown

@@ -47,6 +47,8 @@ from fwav_companion.types.flight_status import ParameterReport
 
 CUT_OFF = SummaryLine(frames=0, detections=0, fixes=0, dropped={})
 """Summary of a recording that has none: it was cut off."""
+
+
 class UsedLandmark(msgspec.Struct, frozen=True):
     """A [[landmark]] of the recorded configuration."""
 

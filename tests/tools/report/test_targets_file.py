@@ -54,7 +54,9 @@ def test_a_line_that_is_no_target_is_left_out_and_counted(damage, tmp_path):
     assert "nan" not in write_comparison(tmp_path, path, path, []).read_text()
 
 
-@pytest.mark.parametrize("config", [{"landmark": None}, {"landmark": [{"label": "a", "lat": []}]}, {"tracking": 3}], ids=str)
+@pytest.mark.parametrize(
+    "config", [{"landmark": None}, {"landmark": [{"label": "a", "lat": []}]}, {"tracking": 3}], ids=str
+)
 def test_configuration_that_is_none_of_this_package_costs_its_landmarks_alone(config, tmp_path):
     origin = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
     head = msgspec.to_builtins(header(origin=origin, config=config))
