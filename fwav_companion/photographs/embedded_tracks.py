@@ -60,7 +60,7 @@ def embedded_telemetry(path: Path, scale: TimeScale = TimeScale.AUTO) -> Embedde
                 if found:
                     read.add(packet.stream.index)
             unread = [_name(stream) for stream in tracks if stream.index not in read]
-    except (OSError, ValueError) as error:  # PyAV's errors are both
+    except (av.error.FFmpegError, OSError, ValueError) as error:
         raise InputFileError(f"{path}: {str(error).splitlines()[0][:100]}; accepted: a video") from None
     notes = [*centre_notes(states), *_time_notes(states, scale)]
     return EmbeddedTelemetry(tuple(sorted(rows, key=lambda row: row.at_s)), tuple(notes), tuple(unread))

@@ -20,6 +20,7 @@ from rasterio.transform import Affine
 from fwav_companion.cli.foreign_files import foreign_files
 from fwav_companion.errors import InputFileError
 from fwav_companion.memory_limit import GIB, LEAST, is_want_of_memory, limit_of
+from fwav_companion.photographs.embedded_tracks import embedded_telemetry
 from fwav_companion.service.elevation_files import read_elevation
 
 CONFIG = """
@@ -89,6 +90,16 @@ def test_a_damaged_video_is_one_line_that_quotes_its_library(folder):
     (line,) = alone(folder, "detect", "v.mp4", "--config", "tag.toml", "--out", "d.jsonl", *START)
     assert "v.mp4: not a video" in line
     assert "moov atom not found" in line
+
+
+@pytest.mark.parametrize("version", [b"\x04", b"\x09"], ids=["ends early", "not known"])
+def test_a_damaged_video_of_any_error_of_its_library_is_one_line(tmp_path, version):
+    """Of PyAV's errors some are neither OSError nor ValueError."""
+    pytest.importorskip("av")
+    path = tmp_path / "v.mkv"
+    path.write_bytes(b"\x1aE\xdf\xa3\x93B\x82\x88matroskaB\x87\x81" + version + b"B\x85\x81" + version + b"\x18S\x80g")
+    with pytest.raises(InputFileError, match="accepted: a video"):
+        embedded_telemetry(path)
 
 
 def test_a_damaged_picture_leaves_no_word_of_its_library_beside_ours(folder, capfd):
