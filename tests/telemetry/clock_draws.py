@@ -36,6 +36,8 @@ class Kind:
     """Of the 20 s from CHANGE_S on."""
     pause_s: float = 0.0
     reboot: bool = False
+    halt_s: float = 0.0
+    """Longest time for which the clock halts now and then; it makes each up at twice its rate."""
     answered_until_s: float = inf
     stream_hz: float = 20.0
     stream_base_s: float = 1e-3
@@ -46,6 +48,7 @@ CHANGE_S, CHANGED_S = 15.0, 20.0
 MOST_PPM = 50.0
 """Largest rate of the autopilot's crystal against the host's."""
 AWAY_S = 2.0
+HALT_EVERY_S = 1.5
 
 KINDS = {
     "a serial 115200": Kind(baud=115200),
@@ -59,6 +62,7 @@ KINDS = {
     "e rate 0.5 to 1.5": Kind(rate=(0.5, 1.5)),
     "e slow-down to 0.8": Kind(rate=(0.8, 0.8)),
     "e pause of 0.3 s": Kind(pause_s=0.3),
+    "e halts, made up": Kind(halt_s=4e-3),
     "f reboot": Kind(reboot=True),
     "h answers end": Kind(answered_until_s=20.0),
     **{
@@ -152,8 +156,19 @@ def drawn(kind: Kind, seed: int) -> World:
     if kind.reboot:
         back = CHANGE_S + AWAY_S
         knots = [knots[0], (CHANGE_S, start + CHANGE_S), (back, 1.0), (back + 1e4, 1.0 + 1e4)]
-    world.knots = knots
+    world.knots = _halted(kind, rng, start, ppm) if kind.halt_s else knots
     return world
+
+
+def _halted(kind: Kind, rng: random.Random, start: float, ppm: float) -> list[tuple[float, float]]:
+    """The clock of a simulator that halts and makes it up, as ArduCopter's was recorded."""
+    t, away, knots = 0.0, 0.0, [(0.0, start)]
+    while t < kind.seconds + 10.0:
+        halt_s = rng.uniform(0.0, kind.halt_s)
+        for length, rate in ((rng.expovariate(1.0 / HALT_EVERY_S), 0.0), (halt_s, -1.0), (halt_s, 1.0)):
+            t, away = t + length, away + rate * length
+            knots.append((t, start + t * (1.0 + ppm) + away))
+    return knots
 
 
 class PublishedFilter:

@@ -16,6 +16,7 @@ DEFAULT = [
     "c 10 % late one way",
     "e slow-down to 0.8",
     "e pause of 0.3 s",
+    "e halts, made up",
     "f reboot",
 ]
 
