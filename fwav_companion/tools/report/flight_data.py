@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 
@@ -17,7 +17,6 @@ from fwav_companion.recording.line_types import (
     HeaderLine,
     Line,
     OriginLine,
-    PlausibleMetres,
     SightingLine,
     TargetLine,
     header_of,
@@ -43,33 +42,11 @@ from fwav_companion.tools.report.true_vehicle_path import (
     mean_position_error,
     position_errors,
 )
+from fwav_companion.tools.report.used_config import UsedLandmark, used_config
 from fwav_companion.types.flight_status import ParameterReport
 
 CUT_OFF = SummaryLine(frames=0, detections=0, fixes=0, dropped={})
 """Summary of a recording that has none: it was cut off."""
-
-
-class UsedLandmark(msgspec.Struct, frozen=True):
-    """A [[landmark]] of the recorded configuration."""
-
-    label: str
-    lat: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
-    lon: Annotated[float, msgspec.Meta(ge=-360.0, le=360.0)]
-    alt_amsl: PlausibleMetres
-    sigma_m: PlausibleMetres
-
-
-class UsedTracking(msgspec.Struct, frozen=True):
-    """[tracking] of the recorded configuration."""
-
-    motion: str = ""
-
-
-class UsedConfig(msgspec.Struct, frozen=True):
-    """What a report reads of the recorded configuration."""
-
-    tracking: UsedTracking = UsedTracking()
-    landmark: tuple[UsedLandmark, ...] = ()
 
 
 TIMED = (TargetLine, ClockEstimateLine, CalibrationLine)
@@ -226,7 +203,7 @@ def flight_data(
     header, end_line = header_of(lines), lines[-1]
     if header is None:
         raise TypeError(f"the first line is not a header: {lines[0]!r}")
-    config = _used(header.config)
+    config = used_config(header.config)
     summary = end_line if isinstance(end_line, SummaryLine) else CUT_OFF
     sightings = [line for line in lines if isinstance(line, SightingLine)]
     place = next((line.origin for line in lines if isinstance(line, HeaderLine | OriginLine) and line.origin), None)
@@ -268,14 +245,6 @@ def flight_data(
         final=final_targets(lines, targets),
         landmarks=_landmarks(config.landmark, summary, plane),
     )
-
-
-def _used(config: Mapping[str, Any]) -> UsedConfig:
-    """The part that is read; the defaults where a header has no configuration of this package."""
-    try:
-        return msgspec.convert(config, UsedConfig)
-    except msgspec.ValidationError:
-        return UsedConfig()
 
 
 def _landmarks(
