@@ -9,6 +9,7 @@ from __future__ import annotations
 import hmac
 import logging
 import re
+import select
 import socket
 import threading
 import time
@@ -181,10 +182,9 @@ class _Server(ThreadingHTTPServer):
 
 def _has_left(connection: socket.socket) -> bool:
     """Whether a browser has closed its connection: while no picture comes, no write shows it."""
-    try:
-        return not connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
-    except BlockingIOError:
-        return False
+    poll = select.poll()  # a socket with a timeout waits in recv, whatever its flags say
+    poll.register(connection, select.POLLIN)
+    return bool(poll.poll(0)) and not connection.recv(1, socket.MSG_PEEK)
 
 
 def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:

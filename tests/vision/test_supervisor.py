@@ -287,8 +287,9 @@ def test_want_of_memory_is_one_state_and_no_trace():
     """A process whose detector finds no memory: it says so and ends, for the daemon to start another."""
     code = (
         "import resource, sys; from fwav_companion.vision import worker\n"
+        "from fwav_companion.memory_limit import MOST_VISION\n"
         "def watch(self):\n"
-        "    assert resource.getrlimit(resource.RLIMIT_DATA)[0] <= worker.MOST_MEMORY\n"
+        "    assert resource.getrlimit(resource.RLIMIT_DATA)[0] <= MOST_VISION\n"
         "    raise MemoryError\n"
         "worker.Watch.watch = watch\n"
         "worker.main()"
