@@ -52,8 +52,8 @@ class ServiceParts(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     node: Node
     journal: Journal
     arrivals: ArrivalCount
-    solver: BackgroundSolver | None
-    """None where the smoother does not estimate."""
+    solver: BackgroundSolver
+    """Computes the smoother's solves."""
 
 
 def make_parts(
@@ -64,7 +64,7 @@ def make_parts(
     elevation: Sequence[ElevationTile],
     extra_files: Mapping[str, bytes],
     attitudes_kept_s: float | None,
-    solver: BackgroundSolver | None,
+    solver: BackgroundSolver,
 ) -> ServiceParts:
     """The parts by the configuration and the files that it names."""
     log, clock = ServiceLog(config), HostClock()
@@ -80,7 +80,7 @@ def make_parts(
         unit=board_name(),
         attitudes_kept_s=attitudes_kept_s,
         written=bool(config.record.directory),
-        smoother=None if solver is None else SmootherOptions(solver),
+        smoother=SmootherOptions(solver),
     )
     signing = SigningStore(config, warn, wall_clock_is_synchronised)
     node = make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns))

@@ -28,7 +28,7 @@ class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Rate to which alpha refers, hertz; 0: the paper's recursion, one step a frame, one sample late."""
     motion: Literal["static", "moving"] = "static"
     """Motion of the targets: at rest, or at nearly constant velocity."""
-    self_calibration: bool = False
+    self_calibration: bool = True
     """Whether time offset, mount and height are estimated in flight, from static targets that are seen again and again.
 
     The tracks of static targets are corrected by it. With ``lowpass``, a user's own filter or ``moving`` the result is

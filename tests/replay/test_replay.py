@@ -55,7 +55,7 @@ def test_replay_says_what_the_flight_said(name: str):
     flown = fly(scenario(name).but({"seconds": 16.0, "seed": 4}))
     companion = flown.companion
     recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
-    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines
+    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines_of_replay()
 
 
 @pytest.mark.parametrize("seconds", first_of(24.0, 600.0, some=0))
