@@ -31,8 +31,8 @@ class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
     self_calibration: bool = True
     """Whether time offset, mount and height are estimated in flight, from static targets that are seen again and again.
 
-    The tracks of static targets are corrected by it. With ``lowpass``, a user's own filter or ``moving`` the result is
-    reported and kept, and not applied to the tracks.
+    All tracks are corrected by it. False: delay and mount stay as configured, and their priors count in every claim.
+    With ``lowpass`` or a user's own filter the result is reported and kept, and not applied to the tracks.
     """
 
     @property
