@@ -181,7 +181,6 @@ def test_it_records_while_armed_and_from_half_a_minute_before(site: Site):
 
 
 def test_a_flight_that_began_with_a_kept_calibration_replays_with_it(site: Site):
-    site.replace("self_calibration = false", "self_calibration = true")
     site.replace('directory = ""                # kept', 'directory = "state"  # kept')
     config = load(site.folder / "fwav-companion.toml")
     kept = KeptCalibration(
