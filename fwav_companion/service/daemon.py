@@ -43,7 +43,7 @@ class Service:
         attitudes_kept_s: float | None = None,
         solver: BackgroundSolver | None = None,
     ) -> None:
-        """``elevation``: the tiles of [ground] terrain. ``solver``: computes the smoother's solves; None: the usual one.
+        """``elevation``: the tiles of [ground] terrain. ``solver``: computes the smoother's solves; None: the usual.
 
         ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: length of the
         attitude history for a witness that reads it afterwards.
