@@ -9,6 +9,7 @@ from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.filters.filter_tracker import FilterTracker
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.kalman_by_label import KalmanByLabel
 from fwav_companion.tracking.filters.lowpass import LowPass
@@ -42,7 +43,7 @@ def make_tracker(
     landmarks: Sequence[Landmark] = (),
     calibrating: FrameTracker | None = None,
     motion_of: Mapping[str, str] | None = None,
-) -> Tracker:
+) -> FrameTracker:
     """The tracker that [tracking] selects.
 
     ``state_at`` returns the vehicle's state at an instant of the last second or so; self-calibration finds a large
@@ -51,8 +52,7 @@ def make_tracker(
     all targets.
     """
     if options.filter == "lowpass":
-        paper, self_calibration = LowPass(options.alpha, options.alpha_rate_hz, priors), options.self_calibration
-        return tracker_with(paper, priors, state_at, kept, self_calibration=self_calibration, calibrating=calibrating)
+        return FilterTracker(LowPass(options.alpha, options.alpha_rate_hz, priors), calibrating)
     motions, calibrator = _motions(options, motion_of), None
     if options.self_calibration:
         calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if motions.any_moves else None)

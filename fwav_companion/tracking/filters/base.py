@@ -18,6 +18,9 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
+GATE = 16.0
+"""Gate on the NIS, 2 degrees of freedom: a true fix exceeds it once in 3000 times."""
+
 
 class ReportedTarget(Protocol):
     """A target as it is reported at one instant."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import dist
-from typing import TYPE_CHECKING
+from typing import Self
 
 import msgspec
 
@@ -11,11 +11,9 @@ from fwav_companion.geometry.small_matrices import add_diagonal
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.detector_ids import CERTAIN_TRUST
+from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, initiated
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track
-
-if TYPE_CHECKING:
-    from fwav_companion.tracking.smoothed.smoothed_target import SmoothedTarget
 
 MOST_REPLACED = 16
 """Maximum number of ids of merged tracks that a track keeps: the latest ones."""
@@ -59,17 +57,17 @@ class SmoothedTrack(msgspec.Struct, frozen=True, gc=False):
         """Distance from the camera at the last fix, metres."""
         return dist(self.last_fix.position_ned, self.last_fix.sighting.camera_ned)
 
-    def deleted(self, reason: Reason) -> SmoothedTrack:
+    def deleted(self, reason: Reason) -> Self:
         """The track, deleted for the given reason."""
         return msgspec.structs.replace(self, life=deleted(self.life, reason))
 
-    def merged(self, junior: SmoothedTrack) -> tuple[SmoothedTrack, SmoothedTrack]:
+    def merged(self, junior: Self) -> tuple[Self, Self]:
         """The track after a junior track of the same target was merged into it, and the junior track, deleted."""
         replaces = (*self.replaces, *junior.replaces, junior.id)[-MOST_REPLACED:]
         ended = msgspec.structs.replace(junior.deleted(Reason.REPLACED), replaced_by=self.id)
         return msgspec.structs.replace(self, replaces=replaces), ended
 
-    def reacquired(self, branch: SmoothedTrack) -> tuple[SmoothedTrack, SmoothedTrack]:
+    def reacquired(self, branch: Self) -> tuple[Self, Self]:
         """The track after its branch was confirmed, which it continues with; and the branch, deleted."""
         life = continued(self.life, branch.life)
         after = msgspec.structs.replace(
@@ -80,7 +78,7 @@ class SmoothedTrack(msgspec.Struct, frozen=True, gc=False):
         )
         return after, ended.deleted(Reason.REPLACED)
 
-    def report(self, target: SmoothedTarget, view: FrameView, misplaced_m: float = 0.0) -> Track:
+    def report(self, target: ReportedTarget, view: FrameView, misplaced_m: float = 0.0) -> Track:
         """The report of the track after this frame.
 
         ``misplaced_m``: while the mount is known to be wrong, one sigma of places by that, each axis. A wrong mount

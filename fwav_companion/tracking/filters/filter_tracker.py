@@ -1,0 +1,180 @@
+"""The tracker by filters of single targets: the paper's low-pass, or a filter of one's own.
+
+A fix goes in, a state comes out; each filter judges fixes by its own gate, and no error is shared between targets.
+Self-calibration moves none of these tracks: a second tracker of the same frames, by the smoother, reports its values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.self_calibration import CalibrationReport
+from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.filters.alternation import Alternation
+from fwav_companion.tracking.filters.base import Filter, TargetState
+from fwav_companion.tracking.filters.filter_frame import FilterFrame
+from fwav_companion.tracking.filters.filter_track import FilterTrack
+from fwav_companion.tracking.frame_tracker import FrameTracker
+from fwav_companion.tracking.track_table import detector_after
+from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
+from fwav_companion.types.flight_status import SolveReport
+from fwav_companion.types.tracks import CommonErrors, FinalPlace
+
+
+class FilterTrackerState(msgspec.Struct, frozen=True):
+    """The state between two frames: references to immutable objects."""
+
+    tracks: tuple[FilterTrack, ...] = ()
+    """Live tracks by id."""
+    next_id: int = 1
+    alternation: Alternation = Alternation()
+    detector: DetectorModel = DetectorModel()
+    unused_fixes: Mapping[Reason, int] = {}
+    calibrating: Any = None
+    """State of the tracker that self-calibrates, for a return to this state."""
+
+
+class FilterTracker:
+    """Tracks targets through frames in capture order, which :class:`Reorder` ensures."""
+
+    __slots__ = ("_calibrating", "_filter", "_state", "reports_innovations")
+
+    def __init__(self, target_filter: Filter, calibrating: FrameTracker | None = None) -> None:
+        """``calibrating``: a second tracker of the same frames, whose calibration is reported."""
+        self.reports_innovations = False
+        self._filter, self._calibrating, self._state = target_filter, calibrating, FilterTrackerState()
+
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """The report of self-calibration; None without it."""
+        return None if self._calibrating is None else self._calibrating.calibration
+
+    @property
+    def solves(self) -> SolveReport | None:
+        """Counts of the smoother's solves; None without a smoother."""
+        return None if self._calibrating is None else self._calibrating.solves
+
+    def final_places(self) -> dict[int, FinalPlace]:
+        """None: only a smoother has them."""
+        return {}
+
+    def common_errors(self) -> dict[int, CommonErrors]:
+        """None: only a smoother has them."""
+        return {}
+
+    def best_targets(self) -> dict[int, TargetState]:
+        """The targets of all live tracks, by id."""
+        return {track.id: track.target for track in self._state.tracks if track.id > 0}
+
+    @property
+    def crowd(self) -> Crowd:
+        """The labels of which more detections fit no track than new targets explain."""
+        return self._state.detector.crowd
+
+    @property
+    def landmarks(self) -> tuple[LandmarkRecord, ...]:
+        """None: landmarks do not correct these tracks."""
+        return ()
+
+    @property
+    def landmark_altitude(self) -> LandmarkAltitude | None:
+        """None: landmarks do not correct these tracks."""
+        return None
+
+    @property
+    def unused_fixes(self) -> Mapping[Reason, int]:
+        """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
+        return self._state.unused_fixes
+
+    @property
+    def next_id(self) -> int:
+        """The id of the next new track."""
+        return self._state.next_id
+
+    @next_id.setter
+    def next_id(self, next_id: int) -> None:
+        self._state = msgspec.structs.replace(self._state, next_id=next_id)
+
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Nothing is due between frames."""
+        return None
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Do nothing: nothing is due between frames."""
+
+    def snapshot(self) -> FilterTrackerState:
+        """The present state, for :meth:`restore`."""
+        if self._calibrating is None:
+            return self._state
+        return msgspec.structs.replace(self._state, calibrating=self._calibrating.snapshot())
+
+    def restore(self, snapshot: FilterTrackerState) -> None:
+        """Return to an earlier state, ids included: the same frames then give the same tracks again."""
+        self._state = snapshot
+        if self._calibrating is not None and snapshot.calibrating is not None:
+            self._calibrating.restore(snapshot.calibrating)
+
+    def on_frame(self, view: FrameView) -> tuple[Track, ...]:
+        """All tracks after this frame, by id. A track that this frame deleted is included once."""
+        if self._calibrating is not None:
+            self._calibrating.on_frame(view)
+        state, detector = self._state, self._state.detector
+        before = [
+            msgspec.structs.replace(
+                track, target=track.target.predict(view.host_ns), fix=None, looked_for=False, innovation=None
+            )
+            for track in state.tracks
+        ]
+        frame = FilterFrame(before, view, detector, reports_innovations=self.reports_innovations)
+        after = frame.updated()
+        elapsed_ns = view.host_ns - (detector.last_ns or view.host_ns)
+        alternation = state.alternation.after_frame(after, [t.id for t in frame.missed], elapsed_ns, detector.ids)
+        tracks = frame.begun(alternation.merged(after), self._filter, state.next_id)
+        crowd = _crowd_after(detector, view, before, frame)
+        detector = detector_after(
+            detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
+        )
+        tracks, next_id = _independent(tracks, max([state.next_id, *(track.id + 1 for track in tracks)]))
+        living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
+        self._state = FilterTrackerState(living, next_id, alternation, detector, frame.unused(tracks))
+        return _reports(tracks, view)
+
+    def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
+        """Delete every track, as of the newest frame; their ids are not used again."""
+        state = self._state
+        dropped = [msgspec.structs.replace(t.deleted(reason), fix=None, innovation=None) for t in state.tracks]
+        if self._calibrating is not None:
+            self._calibrating.drop_all(reason, view)
+        self._state = FilterTrackerState(next_id=state.next_id, detector=state.detector)
+        return _reports(dropped, view)
+
+
+def _crowd_after(detector: DetectorModel, view: FrameView, before: Sequence[FilterTrack], frame: FilterFrame) -> Crowd:
+    """The crowd after a frame; unchanged where tracks took nearly all of its fixes."""
+    if not detector.crowd.labels and len(frame.left) <= NEW_TARGETS:
+        return detector.crowd
+    tentative = [t for t in before if t.id in frame.taken and not (t.confirmed or t.branch_of)]
+    elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
+    fit = [view.fixes[frame.taken[track.id].index] for track in tentative]
+    return detector.crowd.after_frame([view.fixes[j] for j in frame.left], fit, elapsed_s)
+
+
+def _independent(tracks: list[FilterTrack], next_id: int) -> tuple[list[FilterTrack], int]:
+    """The tracks, with own ids for the branches whose coasting track has ended; and the next free id."""
+    living = {track.id for track in tracks if track.life.state is not TrackState.DROPPED}
+    ended = [t for t in tracks if t.branch_of and t.id in living and t.branch_of not in living]
+    if not ended:
+        return tracks, next_id
+    numbered = [msgspec.structs.replace(t, id=number, branch_of=None) for number, t in enumerate(ended, next_id)]
+    gone = {track.id for track in ended}
+    return [track for track in tracks if track.id not in gone] + numbered, next_id + len(ended)
+
+
+def _reports(tracks: Sequence[FilterTrack], view: FrameView) -> tuple[Track, ...]:
+    return tuple([track.report(track.target, view) for track in tracks if track.id > 0])
