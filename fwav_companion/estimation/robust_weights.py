@@ -36,9 +36,11 @@ def survey_weights(distance2: Array, before: Array) -> Array:
     The probability that a survey is right, where at most one of those that count is wrong: left out, it lowers the cost
     of the fit by its squared distance. One that is left out returns by its own distance.
     """
-    odds = np.exp((0.5 * (distance2 - _SURVEY_DISTANCE2)).clip(-50.0, 50.0))
-    counts = before >= HALF
-    return np.asarray(1.0 - odds / np.where(counts, 1.0 + odds[counts].sum(), 1.0 + odds))
+    log_odds, counts = 0.5 * (distance2 - _SURVEY_DISTANCE2), before >= HALF
+    # Less the greatest one: a survey of centimetres that is a metre off is beyond the range of an exponential.
+    most = max(0.0, float(log_odds[counts].max(initial=0.0)))
+    all_right, odds = np.exp(-most), np.exp(np.where(counts, log_odds - most, log_odds.clip(-50.0, 50.0)))
+    return np.asarray(1.0 - odds / np.where(counts, all_right + odds[counts].sum(), 1.0 + odds))
 
 
 def leave_one_out_distance2(residual: Array, known: Array, noise: Array, weight: Array) -> Array:

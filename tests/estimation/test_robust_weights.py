@@ -108,5 +108,10 @@ def test_of_surveys_that_count_the_farthest_is_left_out_first():
     assert survey_weights(np.array([1.0, 2.0, 1.0]), left_out)[1] > 0.9  # it returns
 
 
+def test_of_surveys_that_are_all_far_off_the_farthest_alone_is_left_out():
+    """Surveys of 0.05 m of which one is 1.8 m off make the right ones look wrong by tens of sigmas."""
+    assert survey_weights(np.array([610.0, 1480.0, 590.0]), np.ones(3)) == pytest.approx([1.0, 0.0, 1.0], abs=1e-5)
+
+
 def test_two_surveys_that_contradict_each_other_count_by_half():
     assert survey_weights(np.array([40.0, 40.0]), np.ones(2)) == pytest.approx([0.5, 0.5], abs=1e-3)
