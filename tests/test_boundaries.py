@@ -70,16 +70,15 @@ def test_a_relay_loads_only_these_libraries():
     assert libraries - {"typing_extensions"} == {"fwav_companion", "fastcrc", "msgspec", "pymavlink"}
 
 
-@pytest.mark.parametrize("calibrates", [False, True])
-def test_only_self_calibration_loads_numpy(calibrates: bool):
+def test_the_low_pass_without_self_calibration_loads_no_numpy():
     statement = (
-        "from fwav_companion.tracking import TrackingOptions, make_tracker\n"
+        "from fwav_companion.tracking import TrackingOptions, filter_tracker\n"
         "from fwav_companion.types import BIAS_COUNT, ErrorPriors\n"
         "priors = ErrorPriors(pixel_noise_px=1.0, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0, "
         "bias_sigmas=(0.1,) * BIAS_COUNT, position_bias_time_s=60.0)\n"
-        f"make_tracker(TrackingOptions(self_calibration={calibrates}), priors)"
+        "filter_tracker(TrackingOptions(filter='lowpass'), priors)"
     )
-    assert ("numpy" in loaded_by(statement)) is calibrates
+    assert "numpy" not in loaded_by(statement)
 
 
 def test_the_daemon_loads_no_tool():

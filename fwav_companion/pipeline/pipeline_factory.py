@@ -55,7 +55,7 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import FrameTracker, Reorder, make_tracker, smoothed_tracker, tracker_with
+from fwav_companion.tracking import FrameTracker, Reorder, filter_tracker, smoothed_tracker
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.tracking.smoothed.solve_jobs import IN_LINE, SmootherOptions
@@ -257,32 +257,23 @@ def _tracker(
 
     ``ground``, ``smoother``: of the smoother.
     """
-    options = config.tracking if own_filter is not None else tracking_options(config)
-    priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
-    motion_of = _motion_of(config)
-    if options.filter == "kalman" or options.self_calibration:
-        smoothed = smoothed_tracker(
-            options,
-            priors,
-            vehicle if isinstance(vehicle, SampleSource) else None,
-            kept,
-            lever_m=config.camera.mount.lever_arm_m,
-            smoother=smoother,
-            ground=ground.reference,
-            landmarks=landmarks,
-            motion_of=motion_of,
-            own_poses=not isinstance(vehicle, Telemetry),
-        )
-    if own_filter is not None:
-        calibrates = options.self_calibration
-        return tracker_with(
-            own_filter, priors, vehicle.state_at, kept, self_calibration=calibrates, calibrating=smoothed
-        )
-    if smoothed is not None and options.filter == "kalman":
-        return smoothed
-    return make_tracker(
-        options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed, motion_of=motion_of
+    options, priors = config.tracking if own_filter is not None else tracking_options(config), config.priors
+    filters_alone = own_filter is not None or options.filter == "lowpass"
+    if filters_alone and not options.self_calibration:
+        return filter_tracker(options, priors, own_filter)
+    smoothed = smoothed_tracker(
+        options,
+        priors,
+        vehicle if isinstance(vehicle, SampleSource) else None,
+        kept,
+        lever_m=config.camera.mount.lever_arm_m,
+        smoother=smoother,
+        ground=ground.reference,
+        landmarks=[landmark.known for landmark in config.landmark],
+        motion_of=_motion_of(config),
+        own_poses=not isinstance(vehicle, Telemetry),
     )
+    return filter_tracker(options, priors, own_filter, calibrating=smoothed) if filters_alone else smoothed
 
 
 def _motion_of(config: Config) -> dict[str, str]:

@@ -22,7 +22,7 @@ from fwav_companion.recording.summary_types import FinalObject, SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
-from fwav_companion.tracking import bias_shares
+from fwav_companion.tracking import shares_of
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import Frame, Message, NoFrame, StampClock, TrackState
@@ -83,7 +83,7 @@ def replay(
                     line,
                     final=_final(pipeline, ends),
                     errors=None if tally is None else tally.summary(),
-                    limits=_limits(pipeline, config) if limits else None,
+                    limits=_limits(pipeline) if limits else None,
                 )
                 continue
             yield line
@@ -94,8 +94,8 @@ def _final(pipeline: Pipeline, ends: Mapping[int, TargetLine]) -> list[FinalObje
     return final_places(pipeline.final_places(), ends, pipeline.telemetry.world.plane)
 
 
-def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:
-    return {track: bias_shares(target, config.priors) for track, target in pipeline.best_targets.items()}
+def _limits(pipeline: Pipeline) -> dict[int, dict[str, float]]:
+    return {track: shares_of(target) for track, target in pipeline.best_targets.items()}
 
 
 def _config_for(recording: Recording, config: Config) -> Config:

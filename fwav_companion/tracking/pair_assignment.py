@@ -7,7 +7,7 @@ squared distance plus the log determinant of its innovation covariance, against 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -47,9 +47,9 @@ class FramePairs:
 
     fixes: Sequence[GroundFix]
     against: Clutter
-    gates: Mapping[tuple[int, int], GateResult]
+    gates: dict[tuple[int, int], GateResult]
     """By track id and fix index, given the pairs without a rival."""
-    alone: Mapping[tuple[int, int], GateResult]
+    alone: dict[tuple[int, int], GateResult]
     """The same, each pair by itself."""
     clutter_llr: list[float]
 

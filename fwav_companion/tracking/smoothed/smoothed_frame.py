@@ -17,24 +17,18 @@ from fwav_companion.estimation.frame_prediction import GATE2
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.initiation import begin_target
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.geometry.vectors import subtract
+from fwav_companion.geometry.vectors import ZERO33, Matrix3, subtract
 from fwav_companion.tracking.clutter import Clutter, clutter
-from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdTrust
+from fwav_companion.tracking.detector_ids import CERTAIN, IdTrust
+from fwav_companion.tracking.id_pairs import IdPairs
 from fwav_companion.tracking.lifecycle import (
     are_photographs,
     detected,
     is_steady,
     not_detected,
 )
-from fwav_companion.tracking.smoothed.smoothed_association import (
-    Costs,
-    FramePairs,
-    TakenFix,
-    assigned,
-    frame_pairs,
-    label_pairs,
-    possible_costs,
-)
+from fwav_companion.tracking.pair_assignment import FramePairs, TakenFix, assigned, possible_costs
+from fwav_companion.tracking.smoothed.smoothed_association import frame_pairs, label_pairs
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack, new_track
@@ -118,22 +112,18 @@ class FrameTracks:
         steady = {t.id for t in tracks if is_steady(t.life, view.host_ns)}
         pairs = self._pairs = frame_pairs(view.fixes, prediction, steady, self._against)
         self._answers.gates = pairs.alone
-        costs = possible_costs(tracks, pairs, view.host_ns)
+        costs = possible_costs(tracks, pairs, view.host_ns, GATE2)
         preferred = {track.id for track in tracks if track.confirmed or track.branch_of}
-        self.taken = assigned(tracks, costs, pairs, preferred, self._sees, lambda prior: self._with_ids(prior, tracks))
+        ids = IdPairs(by_id, view.fixes, state.detector.ids, self._relative_cov)
+        self.taken = assigned(tracks, costs, pairs, preferred, self._sees, ids.with_bonus)
+        self.id_trust = ids.trust_after({number: took.index for number, took in self.taken.items()}, costs)
         self._branch_off(tracks)
         used = {each.index for each in self.taken.values()}
         self.left = [j for j in range(len(view.fixes)) if j not in used]
 
-    def _with_ids(self, prior: Costs, tracks: Sequence[SmoothedTrack]) -> Costs:
-        """The costs, less the bonus of pairs whose track and fix have one id by the detector."""
-        ids, by_id = self._state.detector.ids, {track.id: track for track in tracks}
-        found = dict(prior)
-        for i, j in prior:
-            own, now = by_id[i].detector_id, self._view.fixes[j].sighting.detection.detector_id
-            if own is not None and own == now:
-                found[i, j] -= 0.5 * min(CERTAIN_TRUST, by_id[i].id_trust, ids.most_trust(0.0))
-        return found
+    def _relative_cov(self, track: SmoothedTrack) -> Matrix3:
+        target = self._answers.target(track)
+        return ZERO33 if target is None else target.relative_cov
 
     def _sees(self, track: SmoothedTrack) -> bool:
         target = self._answers.target(track)

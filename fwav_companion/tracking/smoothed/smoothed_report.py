@@ -16,8 +16,13 @@ from fwav_companion.estimation.errors import (
 )
 from fwav_companion.estimation.estimator import REFUSED_WEIGHT, Estimator
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, KeptCalibration, PriorInflation
-from fwav_companion.self_calibration.calibration_report import SharedParameter
+from fwav_companion.self_calibration import (
+    CalibrationReport,
+    CalibrationStatus,
+    KeptCalibration,
+    PriorInflation,
+    SharedParameter,
+)
 from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types.flight_status import ParameterReport

@@ -7,9 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from fwav_companion.estimation.errors import Array
 from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.self_calibration.arrays import Array, times
 
 Turn: TypeAlias = tuple[int, int, int, int]
 """(a, b, c, d) of a linear map of the camera's ray: x' = a x + b y, y' = c x + d y."""
@@ -55,7 +55,7 @@ def angle(a: Array, b: Array) -> float:
 def turned(mount: Array, turn: Turn) -> Array:
     """The mount (3, 3) with the camera's ray mapped by ``turn``; not a rotation for a mirrored image."""
     a, b, c, d = turn
-    return times(mount, np.array(((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0))))
+    return np.asarray(mount @ np.array(((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0))))
 
 
 def _mirrors(turn: Turn) -> bool:
