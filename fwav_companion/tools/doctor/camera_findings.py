@@ -51,13 +51,7 @@ def _self_calibration(evidence: Evidence) -> Iterator[Finding]:
     """`init` wrote false before true was the default: the user may not know that it is off."""
     tracking = evidence.config.tracking
     if tracking.filter == "kalman" and not tracking.self_calibration:
-        yield Finding(
-            "self_calibration_off",
-            Level.NOTE,
-            "[tracking] self_calibration",
-            problem="false: delay and mount stay as configured, and the flight does not correct them",
-            fix="self_calibration = true, which is the default now, unless both are measured better than a flight does",
-        )
+        yield make_finding("self_calibration_off")
 
 
 def _narrow(evidence: Evidence) -> Iterator[Finding]:
