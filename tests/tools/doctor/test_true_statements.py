@@ -211,6 +211,11 @@ def test_a_reboot_is_shown_for_a_minute_and_then_forgotten():
     assert not any("undone" in line for line in report_lines(early, [], ""))
 
 
+def test_a_healthy_vehicle_has_nothing_to_change():
+    evidence = heard(HEALTHY)
+    assert "all is well: nothing to change" in report_lines(evidence, examine(evidence), "")
+
+
 def test_what_the_camera_really_delivers_is_reported():
     delivery = DeliveryReport(
         size=(640, 480), fps=29.97, exposure_s=0.002, clock="sensor", age_s=0.041, detector_hz=12.5, skipped=7
