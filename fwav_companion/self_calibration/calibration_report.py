@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum, StrEnum
-from math import hypot, isfinite
+from math import isfinite
 
 import msgspec
 
@@ -64,11 +64,6 @@ class PriorInflation(msgspec.Struct, frozen=True, gc=False):
     """One sigma, as configured."""
     alone: float
     """Estimate from the flight without this prior."""
-
-    @property
-    def wider_sigma(self) -> float:
-        """One sigma that is wide enough for the flight's estimate."""
-        return hypot(self.sigma, self.alone - self.mean)
 
 
 MOST_DELAY_S, MOST_LEVER_M = 10.0, 10.0

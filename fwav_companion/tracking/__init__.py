@@ -5,7 +5,7 @@ of its fixes: ``smoothed`` estimates all errors of a vehicle and its targets tog
 one state a target, the paper's low-pass or one's own.
 Reading order: ``options``; ``detector_model``, ``crowd``, ``detector_ids``, ``lifecycle``, ``track_table``,
 ``visibility`` (one track); ``clutter``, ``assignment``, ``pair_assignment``, ``id_pairs`` (tracks and fixes);
-``frame_tracker``, ``filters``, ``smoothed``, ``filter_factory``, ``reorder``.
+``frame_tracks``, ``frame_tracker``, ``filters``, ``smoothed``, ``filter_factory``, ``reorder``.
 """
 
 from fwav_companion.tracking.filter_factory import filter_tracker, smoothed_tracker

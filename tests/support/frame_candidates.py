@@ -7,7 +7,7 @@ from typing import Any
 
 from handmade import host_ns
 
-from fwav_companion.tracking.detector_ids import NO_IDS
+from fwav_companion.tracking.detector_ids import IdEvidence
 from fwav_companion.tracking.filters.base import GATE
 from fwav_companion.tracking.id_pairs import IdPairs
 from fwav_companion.tracking.lifecycle import Life
@@ -15,7 +15,7 @@ from fwav_companion.tracking.pair_assignment import FramePairs, assigned, possib
 from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import TrackState
 
-NOW, BEFORE = host_ns(9.0), host_ns(8.0)
+NOW, BEFORE, NO_IDS = host_ns(9.0), host_ns(8.0), IdEvidence()
 
 
 @dataclass

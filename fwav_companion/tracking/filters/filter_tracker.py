@@ -13,12 +13,10 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
-from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.alternation import Alternation
 from fwav_companion.tracking.filters.base import Filter, TargetState
-from fwav_companion.tracking.filters.filter_frame import FilterFrame
-from fwav_companion.tracking.filters.filter_track import FilterTrack
+from fwav_companion.tracking.filters.filter_frame import FilterFrame, FilterTrack
 from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
@@ -32,7 +30,6 @@ class FilterTrackerState(msgspec.Struct, frozen=True):
     tracks: tuple[FilterTrack, ...] = ()
     """Live tracks by id."""
     next_id: int = 1
-    alternation: Alternation = Alternation()
     detector: DetectorModel = DetectorModel()
     unused_fixes: Mapping[Reason, int] = {}
     calibrating: Any = None
@@ -124,25 +121,23 @@ class FilterTracker:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
         if self._calibrating is not None:
             self._calibrating.on_frame(view)
-        state, detector = self._state, self._state.detector
+        state = self._state
         before = [
             msgspec.structs.replace(
                 track, target=track.target.predict(view.host_ns), fix=None, looked_for=False, innovation=None
             )
             for track in state.tracks
         ]
-        frame = FilterFrame(before, view, detector, reports_innovations=self.reports_innovations)
-        after = frame.updated()
-        elapsed_ns = view.host_ns - (detector.last_ns or view.host_ns)
-        alternation = state.alternation.after_frame(after, [t.id for t in frame.missed], elapsed_ns, detector.ids)
-        tracks = frame.begun(alternation.merged(after), self._filter, state.next_id)
-        crowd = _crowd_after(detector, view, before, frame)
-        detector = detector_after(
-            detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
+        frame = FilterFrame(
+            before, view, state.detector, state.next_id, self._filter, reports_innovations=self.reports_innovations
         )
-        tracks, next_id = _independent(tracks, max([state.next_id, *(track.id + 1 for track in tracks)]))
+        tracks = frame.continued(frame.begun(frame.updated()))
+        detector = detector_after(
+            state.detector, view.host_ns, before, tracks,
+            refused=frame.refused, id_trust=frame.id_trust, crowd=frame.crowd_after(),
+        )  # fmt: skip
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
-        self._state = FilterTrackerState(living, next_id, alternation, detector, frame.unused(tracks))
+        self._state = FilterTrackerState(living, frame.next_id, detector, frame.unused(tracks))
         return _reports(tracks, view)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
@@ -153,27 +148,6 @@ class FilterTracker:
             self._calibrating.drop_all(reason, view)
         self._state = FilterTrackerState(next_id=state.next_id, detector=state.detector)
         return _reports(dropped, view)
-
-
-def _crowd_after(detector: DetectorModel, view: FrameView, before: Sequence[FilterTrack], frame: FilterFrame) -> Crowd:
-    """The crowd after a frame; unchanged where tracks took nearly all of its fixes."""
-    if not detector.crowd.labels and len(frame.left) <= NEW_TARGETS:
-        return detector.crowd
-    tentative = [t for t in before if t.id in frame.taken and not (t.confirmed or t.branch_of)]
-    elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
-    fit = [view.fixes[frame.taken[track.id].index] for track in tentative]
-    return detector.crowd.after_frame([view.fixes[j] for j in frame.left], fit, elapsed_s)
-
-
-def _independent(tracks: list[FilterTrack], next_id: int) -> tuple[list[FilterTrack], int]:
-    """The tracks, with own ids for the branches whose coasting track has ended; and the next free id."""
-    living = {track.id for track in tracks if track.life.state is not TrackState.DROPPED}
-    ended = [t for t in tracks if t.branch_of and t.id in living and t.branch_of not in living]
-    if not ended:
-        return tracks, next_id
-    numbered = [msgspec.structs.replace(t, id=number, branch_of=None) for number, t in enumerate(ended, next_id)]
-    gone = {track.id for track in ended}
-    return [track for track in tracks if track.id not in gone] + numbered, next_id + len(ended)
 
 
 def _reports(tracks: Sequence[FilterTrack], view: FrameView) -> tuple[Track, ...]:
