@@ -118,7 +118,7 @@ def test_truth_adds_errors_to_the_summary(tmp_path, flown):
     assert summary["errors"]["tracks"]["all"]["rms_m"] < 5.0
     lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
     assert lines[-1] == summary
-    assert {"sighting", "target", "clock", "header", "summary"} == {line["type"] for line in lines}
+    assert {"sighting", "target", "clock", "calibration", "header", "summary"} == {line["type"] for line in lines}
 
 
 def test_a_setting_changes_one_thing(tmp_path, flown):
