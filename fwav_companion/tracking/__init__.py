@@ -4,7 +4,7 @@ Pure: frames come in with their own capture times, tracks go out. Two trackers s
 of its fixes: ``smoothed`` estimates all errors of a vehicle and its targets together (``estimation``), ``filters`` has
 one state a target, the paper's low-pass or one's own.
 Reading order: ``options``; ``detector_model``, ``crowd``, ``detector_ids``, ``lifecycle``, ``track_table``,
-``visibility`` (one track); ``clutter``, ``assignment``, ``pair_assignment``, ``id_pairs`` (tracks and fixes);
+``visibility``, ``live_track`` (one track); ``clutter``, ``assignment``, ``pair_assignment``, ``id_pairs`` (its fixes);
 ``frame_tracks``, ``frame_tracker``, ``filters``, ``smoothed``, ``filter_factory``, ``reorder``.
 """
 

@@ -21,8 +21,8 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.tracking.id_pairs import IdPairs
 from fwav_companion.tracking.lifecycle import are_photographs, detected, is_steady, not_detected
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.pair_assignment import FramePairs, TakenFix, assigned, possible_costs
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.track_table import MAX_TRACKS, weakest_first
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, Innovation, Reason, TrackState
@@ -34,7 +34,7 @@ STATIC_REACQUISITION_LLR = log(20.0)
 """Log-likelihood ratio of a fix that confirms a static target again: with equal priors the fix is the target's at 95 %.
 A higher threshold would cost self-calibration the first sights from each side."""
 
-TrackT = TypeVar("TrackT", bound=SmoothedTrack)
+TrackT = TypeVar("TrackT", bound=LiveTrack)
 
 
 class FrameTracks(ABC, Generic[TrackT]):
@@ -103,11 +103,11 @@ class FrameTracks(ABC, Generic[TrackT]):
         preferred = {t.id for t in tracks if t.branch_of or (t.confirmed and t.id not in branched)}
         by_id = {track.id: track for track in tracks}
 
-        def place_cov(track: SmoothedTrack) -> Matrix3:
+        def place_cov(track: LiveTrack) -> Matrix3:
             target = self._target(by_id[track.id])
             return ZERO33 if target is None else target.relative_cov
 
-        def sees(track: SmoothedTrack) -> bool:
+        def sees(track: LiveTrack) -> bool:
             target = self._target(by_id[track.id])
             return target is not None and view.could_see(target.apparent_ned)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.detector_ids import CERTAIN, CERTAIN_TRUST, IdEvidence, IdTrust
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.pair_assignment import Costs
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import GroundFix
 
 
@@ -17,11 +17,11 @@ from fwav_companion.types import GroundFix
 class IdPairs:
     """Tracks and fixes of a frame with the detector's ids. Pairs are of a track's id and a fix's index."""
 
-    tracks: Mapping[int, SmoothedTrack]
+    tracks: Mapping[int, LiveTrack]
     """By their ids."""
     fixes: Sequence[GroundFix]
     ids: IdEvidence
-    place_cov: Callable[[SmoothedTrack], Matrix3]
+    place_cov: Callable[[LiveTrack], Matrix3]
     """Covariance of a track's target relative to the vehicle, NED, m^2."""
 
     def with_bonus(self, costs: Costs) -> Costs:

@@ -16,7 +16,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.clutter import Clutter
 from fwav_companion.tracking.lifecycle import is_steady
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
@@ -64,7 +64,7 @@ class FramePairs:
         return 0.5 * (most - self.against.detection_odds)
 
 
-def possible_costs(tracks: Sequence[SmoothedTrack], pairs: FramePairs, host_ns: HostNs, gate2: float) -> Costs:
+def possible_costs(tracks: Sequence[LiveTrack], pairs: FramePairs, host_ns: HostNs, gate2: float) -> Costs:
     """The costs of the pairs whose squared distance is below ``gate2``. A steady track also takes a fix that is a
     little more likely clutter, where a missed detection is even less likely.
     """
@@ -79,8 +79,8 @@ def possible_costs(tracks: Sequence[SmoothedTrack], pairs: FramePairs, host_ns: 
 
 
 def assigned(
-    tracks: Sequence[SmoothedTrack], costs: Costs, pairs: FramePairs, preferred: set[int],
-    sees: Callable[[SmoothedTrack], bool], bonus: Callable[[Costs], Costs],
+    tracks: Sequence[LiveTrack], costs: Costs, pairs: FramePairs, preferred: set[int],
+    sees: Callable[[LiveTrack], bool], bonus: Callable[[Costs], Costs],
 ) -> dict[int, TakenFix]:  # fmt: skip
     """The fix of each track that takes one, by track id.
 

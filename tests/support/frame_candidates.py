@@ -11,8 +11,8 @@ from fwav_companion.tracking.detector_ids import IdEvidence
 from fwav_companion.tracking.filters.base import GATE
 from fwav_companion.tracking.id_pairs import IdPairs
 from fwav_companion.tracking.lifecycle import Life
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.pair_assignment import FramePairs, assigned, possible_costs
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import TrackState
 
 NOW, BEFORE, NO_IDS = host_ns(9.0), host_ns(8.0), IdEvidence()
@@ -37,7 +37,7 @@ class Candidate:
         if self.confirmed:
             state = TrackState.CONFIRMED if self.steady else TrackState.COASTING
         life = Life(state, BEFORE, seen_ns, confirmed_ns=BEFORE if self.confirmed else None)
-        return SmoothedTrack(number, self.label, False, life, None, detector_id=self.detector_id)
+        return LiveTrack(number, self.label, False, life, None, detector_id=self.detector_id)
 
 
 def associate(candidates, fixes, against, could_see=None, ids=NO_IDS):

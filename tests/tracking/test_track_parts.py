@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from plain_filters import PlainFilter
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.tracking.smoothed.smoothed_track import MOST_REPLACED, new_track
+from fwav_companion.tracking.live_track import MOST_REPLACED, new_track
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import Reason, TrackState
 

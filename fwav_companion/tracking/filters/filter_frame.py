@@ -12,8 +12,8 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import GATE, Filter, TargetState
 from fwav_companion.tracking.frame_tracks import FrameTracks
 from fwav_companion.tracking.lifecycle import are_photographs, initiated
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.pair_assignment import FramePairs, TakenFix
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import FrameView
 from fwav_companion.types.tracks import GateResult
 
@@ -22,7 +22,7 @@ DISPLACED_SIGMAS = 8.0
 fix by that distance."""
 
 
-class FilterTrack(SmoothedTrack, frozen=True, kw_only=True, gc=False):
+class FilterTrack(LiveTrack, frozen=True, kw_only=True, gc=False):
     """One live track of a filter. Immutable."""
 
     target: TargetState

@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
@@ -96,14 +95,6 @@ class FilterTracker:
     @next_id.setter
     def next_id(self, next_id: int) -> None:
         self._state = msgspec.structs.replace(self._state, next_id=next_id)
-
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Nothing is due between frames."""
-        return None
-
-    def catch_up(self, now_ns: HostNs) -> None:
-        """Do nothing: nothing is due between frames."""
 
     def snapshot(self) -> FilterTrackerState:
         """The present state, for :meth:`restore`."""

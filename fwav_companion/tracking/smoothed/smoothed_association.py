@@ -15,13 +15,13 @@ import numpy as np
 from fwav_companion.estimation.errors import Bools
 from fwav_companion.estimation.frame_prediction import FramePrediction
 from fwav_companion.tracking.clutter import Clutter, noise_area_px2
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.pair_assignment import FramePairs
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
 
-def label_pairs(tracks: Sequence[SmoothedTrack], fixes: Sequence[GroundFix]) -> Bools:
+def label_pairs(tracks: Sequence[LiveTrack], fixes: Sequence[GroundFix]) -> Bools:
     """Mask (D, T) of fixes and tracks of one label."""
     labels = [fix.sighting.detection.label for fix in fixes]
     return np.array([[track.label == label for track in tracks] for label in labels], np.bool_)

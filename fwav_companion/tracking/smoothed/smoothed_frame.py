@@ -19,11 +19,11 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.tracking.clutter import clutter
 from fwav_companion.tracking.frame_tracks import FrameTracks
 from fwav_companion.tracking.lifecycle import are_photographs, is_steady
+from fwav_companion.tracking.live_track import LiveTrack, new_track
 from fwav_companion.tracking.pair_assignment import FramePairs
 from fwav_companion.tracking.smoothed.smoothed_association import frame_pairs, label_pairs
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack, new_track
 from fwav_companion.types import FrameView, GroundFix
 
 DISPLACED2 = 64.0
@@ -31,7 +31,7 @@ DISPLACED2 = 64.0
 more than its prior, or that has turned: a walker who turns around is as far away after three frames at 30 Hz."""
 
 
-class SmoothedFrame(FrameTracks[SmoothedTrack]):
+class SmoothedFrame(FrameTracks[LiveTrack]):
     """The tracks of one frame."""
 
     gate2 = GATE2
@@ -84,13 +84,13 @@ class SmoothedFrame(FrameTracks[SmoothedTrack]):
                 self.displaced[fix] = number
                 missed.discard(number)
 
-    def _target(self, track: SmoothedTrack) -> SmoothedTarget | None:
+    def _target(self, track: LiveTrack) -> SmoothedTarget | None:
         return self._answers.target(track)
 
-    def _accepts(self, track: SmoothedTrack, fix: int) -> bool:
+    def _accepts(self, track: LiveTrack, fix: int) -> bool:
         return self._pairs is not None and self._answers.gate(track.id, fix).nis < GATE2
 
-    def _margin_m(self, track: SmoothedTrack) -> float:
+    def _margin_m(self, track: LiveTrack) -> float:
         return self._answers.displaced_m(track)
 
     def _is_displaced(self, fix: int) -> bool:
@@ -99,17 +99,17 @@ class SmoothedFrame(FrameTracks[SmoothedTrack]):
     def _is_stray(self, j: int) -> bool:
         return j in self.displaced or super()._is_stray(j)
 
-    def _branched_from(self, fix: int) -> tuple[SmoothedTrack | None, float]:
+    def _branched_from(self, fix: int) -> tuple[LiveTrack | None, float]:
         return self._branchings.get(fix) or (self._turned(fix), 0.0)
 
-    def _turned(self, fix: int) -> SmoothedTrack | None:
+    def _turned(self, fix: int) -> LiveTrack | None:
         """The moving track, missed by the frame, that may have turned to this fix; the nearest."""
         alone = {} if self._pairs is None else self._pairs.alone
         near = [(alone[t.id, fix].nis, t.id, t) for t in self._missed if t.moving and (t.id, fix) in alone]
         nis, _, track = min(near, default=(inf, 0, None))
         return track if nis < DISPLACED2 else None
 
-    def updated(self) -> list[SmoothedTrack]:
+    def updated(self) -> list[LiveTrack]:
         """The tracks after the frame's fixes, with the ids of those of one label that it shows: they are not one."""
         tracks, by_label = super().updated(), dict[str, set[int]]()
         for track in tracks:
@@ -121,7 +121,7 @@ class SmoothedFrame(FrameTracks[SmoothedTrack]):
                 tracks[k] = msgspec.structs.replace(track, together=track.together | together)
         return tracks
 
-    def _begin(self, fix: int, number: int, _coasting: SmoothedTrack | None) -> SmoothedTrack | None:
+    def _begin(self, fix: int, number: int, _coasting: LiveTrack | None) -> LiveTrack | None:
         """A tentative track from a fix; None where its ray has no foot at the present calibration."""
         state, seen, sights = self._state, self._view.fixes[fix], self._sights
         live, moving = state.estimator.live, self._moves(seen.sighting.detection.label)
@@ -136,7 +136,7 @@ class SmoothedFrame(FrameTracks[SmoothedTrack]):
         state.waiting[number] = ()
         return new_track(number, seen, self._view.host_ns, moving=moving)
 
-    def _renumber(self, branch: SmoothedTrack, new: int) -> None:
+    def _renumber(self, branch: LiveTrack, new: int) -> None:
         """Count a branch's sightings as its track's. A moving target goes on as the branch, which opened its velocity;
         a static one is where it was.
         """

@@ -23,6 +23,7 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.crowd import Crowd
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
@@ -43,7 +44,6 @@ from fwav_companion.tracking.smoothed.smoothed_merging import merged
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.tracking.smoothed.teaching import forget_ended, teach, teach_displaced
@@ -187,14 +187,6 @@ class SmoothedTracker:
     def next_id(self, next_id: int) -> None:
         self._state.next_id = next_id
 
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Nothing is due between frames."""
-        return None
-
-    def catch_up(self, now_ns: HostNs) -> None:
-        """Do nothing: nothing is due between frames."""
-
     def best_targets(self) -> dict[int, SmoothedTarget]:
         """The reported targets of all live tracks, by id."""
         answers = self._answers
@@ -301,7 +293,7 @@ class SmoothedTracker:
         self._solves.taken += 1
         return True
 
-    def _reports(self, tracks: Sequence[SmoothedTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
+    def _reports(self, tracks: Sequence[LiveTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
         misplaced_m = self._state.turns.misplaced_m
         targets = ((track, answers.target(track)) for track in tracks if track.id > 0)
         return tuple([track.report(target, view, misplaced_m) for track, target in targets if target is not None])

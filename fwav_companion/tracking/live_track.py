@@ -1,4 +1,4 @@
-"""One track of the smoother between frames: its life and its report. Its state is in the estimator, by its number."""
+"""One track between frames: its life and its report. The smoother keeps its target, by its number."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_REPLACED = 16
 """Maximum number of ids of merged tracks that a track keeps: the latest ones."""
 
 
-class SmoothedTrack(msgspec.Struct, frozen=True, gc=False):
+class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """One live track. Immutable."""
 
     id: int
@@ -112,12 +112,10 @@ class SmoothedTrack(msgspec.Struct, frozen=True, gc=False):
         )
 
 
-def new_track(number: int, fix: GroundFix, host_ns: HostNs, *, moving: bool) -> SmoothedTrack:
+def new_track(number: int, fix: GroundFix, host_ns: HostNs, *, moving: bool) -> LiveTrack:
     """A new track from a fix that belongs to no other track."""
     detection = fix.sighting.detection
-    return SmoothedTrack(
-        number, detection.label, moving, initiated(host_ns), fix, fix, detector_id=detection.detector_id
-    )
+    return LiveTrack(number, detection.label, moving, initiated(host_ns), fix, fix, detector_id=detection.detector_id)
 
 
 def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
