@@ -24,7 +24,6 @@ PURE = (
     "replay/driver.py",
     "replay/recorded.py",
     "replay/telemetry.py",
-    "self_calibration",
     "telemetry",
     "tools/install/network_access.py",
     "tools/install/plan.py",
@@ -40,7 +39,7 @@ REFUSED_NAMES = {
     *("served", "StandingTarget", "steady", "Strange", "taught", "timed", "undone", "weighed"),
 }
 """Participles and adjectives that were names: of a thing, a name is a noun; of what is done, a verb."""
-ROOMS_BEING_REPLACED = ("estimation", "mavlink", "self_calibration", "telemetry", "tracking")
+ROOMS_BEING_REPLACED = ("estimation", "mavlink", "telemetry", "tracking")
 KEYS_ON_THE_WIRE = {"types/flight_status.py AgreementReport.apart"}
 CLOCK_READERS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "now", "utcnow", "today"}
 

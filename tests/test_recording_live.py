@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from fwav_companion.cli.main import main
 from fwav_companion.config import load
 from fwav_companion.recording.tlog import TlogRecord, read_tlog
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
+from fwav_companion.types.calibration_report import KeptCalibration
 
 KEY = bytes(range(200, 232))
 

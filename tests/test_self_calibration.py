@@ -8,9 +8,9 @@ from flying import CAMERA, LINK, Companion, fly
 from fwav_companion.config import load, parse
 from fwav_companion.geometry.mounts import corrected_mount
 from fwav_companion.recording.line_types import CalibrationLine, TargetLine
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.types import NoticeCode
+from fwav_companion.types.calibration_report import KeptCalibration
 from sitl_mock import scenario
 
 SETTINGS = (

@@ -26,7 +26,6 @@ from fwav_companion.pipeline.landmark_shift import LandmarkShift
 from fwav_companion.pipeline.pad_notices import CouldSee, PadNotices, with_pads
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
-from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import FrameTracker, Settled
 from fwav_companion.tracking.crowd import Crowd
@@ -43,6 +42,7 @@ from fwav_companion.types import (
     Track,
     Unpaired,
 )
+from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S

@@ -52,7 +52,6 @@ from fwav_companion.pipeline.tracking_commands import TrackingCommands
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.landing import LATEST_FRAME_NS
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import FrameTracker, Reorder, filter_tracker, smoothed_tracker
@@ -60,6 +59,7 @@ from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
 from fwav_companion.tracking.smoothed.solve_jobs import IN_LINE, SmootherOptions
 from fwav_companion.types import ElevatedTarget, Pad
+from fwav_companion.types.calibration_report import KeptCalibration
 
 WANTED = frozenset(
     {

@@ -8,8 +8,13 @@ from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.line_types import CalibrationLine
 from fwav_companion.recording.lines import calibration_line
-from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, NoticeCode, Severity
+from fwav_companion.types.calibration_report import (
+    CalibrationReport,
+    CalibrationStatus,
+    PriorInflation,
+    SharedParameter,
+)
 from fwav_companion.types.flight_status import SelfCalibrationReport
 
 REPLACED = "self-calibration: the camera has moved since an earlier flight; that calibration is dropped"

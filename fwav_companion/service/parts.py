@@ -13,7 +13,6 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.service.board import board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
@@ -24,6 +23,7 @@ from fwav_companion.service.service_factory import make_recorder
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.timer import HostClock
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
+from fwav_companion.types.calibration_report import KeptCalibration
 
 
 class ArrivalCount:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.filters.filter_tracker import FilterTracker
 from fwav_companion.tracking.filters.lowpass import LowPass
@@ -14,6 +13,7 @@ from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors, GroundReference, Landmark
+from fwav_companion.types.calibration_report import KeptCalibration
 
 if TYPE_CHECKING:
     from fwav_companion.tracking.smoothed.sample_source import SampleSource

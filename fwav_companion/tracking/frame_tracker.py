@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track
+from fwav_companion.types.calibration_report import CalibrationReport
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 

@@ -7,8 +7,8 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 from smoothed_flights import tracked
 
-from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
 from fwav_companion.types import BIAS_COUNT, Bias
+from fwav_companion.types.calibration_report import CalibrationStatus, KeptCalibration, SharedParameter
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035

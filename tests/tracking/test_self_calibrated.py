@@ -9,10 +9,10 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 from smoothed_flights import AHEAD_S, WorldSamples, tracked
 
-from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tracking import TrackingOptions, filter_tracker
 from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
 from fwav_companion.types import BIAS_COUNT, Bias, TrackState
+from fwav_companion.types.calibration_report import CalibrationStatus
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035

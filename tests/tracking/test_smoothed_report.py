@@ -22,10 +22,10 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.self_calibration_notices import DENIED_S, SelfCalibrationNotices
 from fwav_companion.pipeline.solve_notices import SolveNotices
-from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.report.calibration_section import parameter_table
 from fwav_companion.tracking.smoothed.smoothed_report import NEVER_SOLVED, smoothed_report
 from fwav_companion.types import NoticeCode
+from fwav_companion.types.calibration_report import CalibrationStatus
 from fwav_companion.types.flight_status import SolveReport
 
 PRIORS = priors(position_delay_s=0.01, lever_arm_m=0.02)

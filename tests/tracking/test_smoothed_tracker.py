@@ -22,10 +22,10 @@ from fwav_companion.estimation.errors import (
 from fwav_companion.estimation.frame_prediction import FramePrediction, pair_distances
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.recording.line_types import CalibrationLine, TargetLine
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry.hermite_series import HermiteSeries
 from fwav_companion.tracking.smoothed.flight_errors import shared_priors
 from fwav_companion.tracking.smoothed.flight_samples import sightings_of
+from fwav_companion.types.calibration_report import KeptCalibration
 from sitl_mock import Simulation
 from tests.accuracy.flights import plan_of, recording_of, replayed
 from tests.accuracy.scores import Tracks

@@ -11,7 +11,6 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetState
@@ -19,6 +18,7 @@ from fwav_companion.tracking.filters.filter_frame import FilterFrame, FilterTrac
 from fwav_companion.tracking.frame_tracker import FrameTracker
 from fwav_companion.tracking.track_table import detector_after
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
+from fwav_companion.types.calibration_report import CalibrationReport
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 

@@ -16,15 +16,15 @@ from fwav_companion.estimation.errors import (
 )
 from fwav_companion.estimation.estimator import REFUSED_WEIGHT, Estimator
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.self_calibration import (
+from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
+from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
+from fwav_companion.types.calibration_report import (
     CalibrationReport,
     CalibrationStatus,
     KeptCalibration,
     PriorInflation,
     SharedParameter,
 )
-from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
-from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types.flight_status import ParameterReport
 
 _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} | {

@@ -21,7 +21,6 @@ from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.motions import Motions
@@ -58,6 +57,7 @@ from fwav_companion.types import (
     Track,
     TrackState,
 )
+from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
