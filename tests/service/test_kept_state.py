@@ -18,8 +18,6 @@ from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.signing import UNITS_PER_S, SigningClock, timestamp_from_unix_ns
-from fwav_companion.mavlink.wire.signing import UNITS_PER_S, timestamp_from_unix_ns
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.service.signing_store import SigningStore
