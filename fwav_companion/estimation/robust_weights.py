@@ -25,7 +25,7 @@ def wide_weights(distance2: Array) -> Array:
     return 1.0 / (1.0 + distance2 / _WIDE_DISTANCE2)
 
 
-def expected_weights(judged: LeftOut) -> Array:
+def expected_weights(judged: LeaveOneOut) -> Array:
     """Weights (N,): a smooth step at four standard deviations of what the others predict.
 
     A sighting that is right with the probability p moves the fit by the share p of what it would in full. Where the
@@ -49,7 +49,7 @@ def survey_weights(distance2: Array, before: Array) -> Array:
     return np.asarray(1.0 - odds / np.where(counts, all_right + odds[counts].sum(), 1.0 + odds))
 
 
-class LeftOut(NamedTuple):
+class LeaveOneOut(NamedTuple):
     """Measurements against what all others predict."""
 
     distance2: Array  # (N,) squared, the prediction's covariance included
@@ -61,7 +61,7 @@ def leave_one_out_distance2(residual: Array, known: Array, noise: Array, weight:
     return leave_one_out(residual, known, noise, weight).distance2
 
 
-def leave_one_out(residual: Array, known: Array, noise: Array, weight: Array) -> LeftOut:
+def leave_one_out(residual: Array, known: Array, noise: Array, weight: Array) -> LeaveOneOut:
     """Measurements against what all others predict, the prediction's covariance included.
 
     residual: (2, N) after the fit; known: (2, 2, N) covariance of the fit's prediction; noise: (2, 2, N), of which the
@@ -78,7 +78,7 @@ def leave_one_out(residual: Array, known: Array, noise: Array, weight: Array) ->
     u, v = innovation
     a, b, c = covariance[0, 0], 0.5 * (covariance[0, 1] + covariance[1, 0]), covariance[1, 1]
     distance2 = (u * u * c - 2.0 * u * v * b + v * v * a) / (a * c - b * b)
-    return LeftOut(distance2, np.einsum("ijn,jin->n", _inverse(noise), predicted).clip(0.0))
+    return LeaveOneOut(distance2, np.einsum("ijn,jin->n", _inverse(noise), predicted).clip(0.0))
 
 
 def _inverse(m: Array) -> Array:

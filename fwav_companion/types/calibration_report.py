@@ -62,7 +62,7 @@ class PriorInflation(msgspec.Struct, frozen=True, gc=False):
     mean: float
     sigma: float
     """One sigma, as configured."""
-    alone: float
+    without_prior: float
     """Estimate from the flight without this prior."""
 
 

@@ -10,7 +10,7 @@ from fwav_companion.estimation.information import sighting_rows
 from fwav_companion.estimation.post_fit import judge_sightings, post_fit
 from fwav_companion.estimation.problem import State
 from fwav_companion.estimation.robust_weights import (
-    LeftOut,
+    LeaveOneOut,
     expected_weights,
     leave_one_out_distance2,
     survey_weights,
@@ -69,7 +69,7 @@ def test_a_quarter_of_false_detections_far_off_is_left_out_and_the_right_ones_co
 def test_sighting_that_the_others_hardly_predict_moves_a_fit_by_its_probability():
     """One unknown with a prior of 30 sigmas of the noise, one sighting of it: right with 7 %."""
     prior2, distance2 = 900.0, 16.0 + 2.0 * np.log(0.93 / 0.07)
-    weight = float(expected_weights(LeftOut(np.array([distance2]), np.array([prior2])))[0])
+    weight = float(expected_weights(LeaveOneOut(np.array([distance2]), np.array([prior2])))[0])
     moved = prior2 / (prior2 + 1.0 / weight)
     assert moved == pytest.approx(0.07 * prior2 / (prior2 + 1.0), rel=0.02)
 

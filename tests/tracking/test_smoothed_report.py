@@ -144,8 +144,8 @@ def test_estimate_without_its_prior_is_that_of_the_measurements():
     variance = 1 / (1 / sigma**2 + 1 / noise**2)
     both = variance * (prior / sigma**2 + measured / noise**2)
     status = ParameterStatus("x", both, variance**0.5, prior, sigma, "calibrated", None)
-    assert status.alone == pytest.approx(measured)
-    assert ParameterStatus("x", 0.1, sigma, prior, sigma, "waiting", None).alone == 0.1
+    assert status.without_prior == pytest.approx(measured)
+    assert ParameterStatus("x", 0.1, sigma, prior, sigma, "waiting", None).without_prior == 0.1
 
 
 def test_report_lists_parameters_but_not_those_that_are_stated_as_exact():

@@ -94,7 +94,7 @@ def _status(
 def _inflation(index: int, status: ParameterStatus) -> PriorInflation:
     """A contradicted prior; of the mount as a correction."""
     sign = -1.0 if MOUNT.start <= index < MOUNT.stop else 1.0
-    return PriorInflation(_NAMED[index], sign * status.prior_mean, status.prior_sigma, sign * status.alone)
+    return PriorInflation(_NAMED[index], sign * status.prior_mean, status.prior_sigma, sign * status.without_prior)
 
 
 def _kept(statuses: Sequence[ParameterStatus]) -> KeptCalibration:
