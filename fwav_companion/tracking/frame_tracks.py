@@ -60,7 +60,7 @@ class FrameTracks(ABC, Generic[TrackT]):
         self.left: list[int] = list(range(len(view.fixes)))
         """Indices of the fixes that no track took."""
         self.refused = self._strays = 0
-        self._missed: list[TrackT] = []
+        self.missed: list[TrackT] = []
         """Confirmed tracks, before the frame, that it covers without a fix for them."""
 
     @abstractmethod
@@ -140,7 +140,7 @@ class FrameTracks(ABC, Generic[TrackT]):
     def updated(self) -> list[TrackT]:
         """The tracks after the frame's fixes: each is detected, missed, or out of view."""
         unseen = {track.id: self._unseen(track) for track in self._tracks if track.id not in self.taken}
-        self._missed = [
+        self.missed = [
             t for t in self._tracks if t.id in unseen and t.confirmed and unseen[t.id].life.misses > t.life.misses
         ]
         return [unseen.get(track.id) or self._seen(track, self.taken[track.id]) for track in self._tracks]

@@ -1,4 +1,4 @@
-"""Two targets stay two at any distance and any detection rate."""
+"""Two tracks of one target become one; two targets stay two at any distance and any detection rate."""
 
 import numpy as np
 import pytest
@@ -49,10 +49,49 @@ def one_target(rng, frames, kinds=({}, {})):
     return [[(scattered(rng, MIDDLE), kinds[k % 2])] for k in range(frames)]
 
 
+@pytest.mark.parametrize("motion", ["static", "moving"])
+@pytest.mark.parametrize("seed", first_of(*range(3)))
+def test_two_tracks_of_one_target_become_the_senior_one(seed, motion):
+    reported = flown(both() + one_target(np.random.default_rng(seed), 12 * FPS), motion=motion)
+    assert replaced(reported) == [(2, 1)]
+    (end,) = (k for k, tracks in enumerate(reported) if any(track.replaced_by for track in tracks))
+    assert end >= 10 + 3 * FPS - 1
+    assert reported[end][0].fix is not None, "what was seen goes on with the other one"
+    assert (reported[-1][0].id, reported[-1][0].replaces) == (1, (2,))
+
+
+def test_the_one_that_was_confirmed_first_stays():
+    """The track confirmed first stays, even if the other one was seen before it."""
+    seldom, often = (4.6, 3.0), (3.4, 3.0)
+    first = [[(seldom, {})], *([(often, {}), *([(seldom, {})] * (k % 2))] for k in range(20))]
+    reported = flown([*first, *both(), *one_target(np.random.default_rng(0), 20 * FPS)])
+    assert reported[0][0].id == 1
+    assert replaced(reported) == [(1, 2)]
+
+
+def test_three_tracks_of_one_target_become_one():
+    three = [[*both()[0], ((4.0, 3.6), {})]] * 10
+    reported = flown(three + one_target(np.random.default_rng(1), 30 * FPS))
+    assert confirmed(reported) == [1]
+    assert sorted(reported[-1][0].replaces) == [2, 3]
+
+
+def test_a_slow_camera_takes_as_many_looks():
+    reported = flown(both() + one_target(np.random.default_rng(0), 200), fps=1)
+    assert replaced(reported) == [(2, 1)]
+    assert sum(len(tracks) == 2 for tracks in reported) >= 10 + 60 - 1
+
+
 def test_two_labels_are_two_targets():
     kinds = ({"label": "car"}, {"label": "person"})
     reported = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
     assert confirmed(reported) == [1, 2]
+
+
+def test_one_target_whose_detector_id_jumps_is_one():
+    kinds = ({"detector_id": 7}, {"detector_id": 8})
+    reported = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
+    assert confirmed(reported) == [1]
 
 
 @pytest.mark.parametrize("motion", ["static", "moving"])

@@ -1,4 +1,4 @@
-"""Small parts of a track: looks, and the report."""
+"""Small parts of a track: turns of two tracks, looks, and the report."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,28 @@ from msgspec.structs import replace
 from plain_filters import PlainFilter
 from scipy.spatial.transform import Rotation
 
+from fwav_companion.tracking.filters.alternation import ALTERNATING_NS, TURNS, AlternatingFixes
 from fwav_companion.tracking.live_track import MOST_REPLACED, new_track
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import Reason, TrackState
 
 PLACE = (4.0, 3.0, 0.0)
+
+
+def test_two_tracks_are_one_after_sixty_fast_turns_over_three_seconds():
+    turns, each_ns = AlternatingFixes(), ALTERNATING_NS // TURNS
+    for _ in range(TURNS - 1):
+        turns = turns.with_look(each_ns, fast=True)
+    assert not turns.are_one
+    assert turns.with_look(each_ns, fast=True).are_one
+    assert not AlternatingFixes(TURNS, ALTERNATING_NS - 1).are_one
+
+
+def test_slow_turns_undo_as_many_fast_ones_and_in_the_end_all():
+    turns = AlternatingFixes(3, 300)
+    turns = turns.with_look(100, fast=False)
+    assert turns == AlternatingFixes(2, 300)
+    assert turns.with_look(100, fast=False).with_look(100, fast=False) == AlternatingFixes()
 
 
 def target():

@@ -85,7 +85,7 @@ class FilterFrame(FrameTracks[FilterTrack]):
             return False
         seen, reach2 = self._view.fixes[fix], DISPLACED_SIGMAS**2
         other, label = seen.relative_cov, seen.sighting.detection.label
-        for track in [track for track in self._missed if track.label == label]:
+        for track in [track for track in self.missed if track.label == label]:
             own, (north, east, _) = track.target.relative_cov, subtract(seen.position_ned, track.target.apparent_ned)
             near = north * north <= reach2 * (own[0][0] + other[0][0])
             if near and east * east <= reach2 * (own[1][1] + other[1][1]):

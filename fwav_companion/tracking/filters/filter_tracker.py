@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.filters.alternation import Alternation
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.filters.filter_frame import FilterFrame, FilterTrack
 from fwav_companion.tracking.frame_tracker import FrameTracker
@@ -29,6 +30,7 @@ class FilterTrackerState(msgspec.Struct, frozen=True):
     tracks: tuple[FilterTrack, ...] = ()
     """Live tracks by id."""
     next_id: int = 1
+    alternation: Alternation = Alternation()
     detector: DetectorModel = DetectorModel()
     unused_fixes: Mapping[Reason, int] = {}
     calibrating: Any = None
@@ -122,13 +124,16 @@ class FilterTracker:
         frame = FilterFrame(
             before, view, state.detector, state.next_id, self._filter, reports_innovations=self.reports_innovations
         )
-        tracks = frame.continued(frame.begun(frame.updated()))
+        after, elapsed_ns = frame.updated(), view.host_ns - (state.detector.last_ns or view.host_ns)
+        missed, ids = [track.id for track in frame.missed], state.detector.ids
+        alternation = state.alternation.after_frame(after, missed, elapsed_ns, ids)
+        tracks = frame.continued(frame.begun(alternation.merged(after)))
         detector = detector_after(
             state.detector, view.host_ns, before, tracks,
             refused=frame.refused, id_trust=frame.id_trust, crowd=frame.crowd_after(),
         )  # fmt: skip
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
-        self._state = FilterTrackerState(living, frame.next_id, detector, frame.unused(tracks))
+        self._state = FilterTrackerState(living, frame.next_id, alternation, detector, frame.unused(tracks))
         return _reports(tracks, view)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:

@@ -105,7 +105,7 @@ class SmoothedFrame(FrameTracks[LiveTrack]):
     def _turned(self, fix: int) -> LiveTrack | None:
         """The moving track, missed by the frame, that may have turned to this fix; the nearest."""
         alone = {} if self._pairs is None else self._pairs.alone
-        near = [(alone[t.id, fix].nis, t.id, t) for t in self._missed if t.moving and (t.id, fix) in alone]
+        near = [(alone[t.id, fix].nis, t.id, t) for t in self.missed if t.moving and (t.id, fix) in alone]
         nis, _, track = min(near, default=(inf, 0, None))
         return track if nis < DISPLACED2 else None
 
