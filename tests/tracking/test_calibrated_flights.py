@@ -1,14 +1,17 @@
 """Self-calibration by the smoother in simulated flights with planted faults."""
 
+from functools import cache
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from draws import first_of
-from simulated_flight import Flight, priors
+from simulated_flight import Flight
 from simulated_world import World
 from smoothed_flights import tracked
 
 from fwav_companion.types import BIAS_COUNT, Bias
-from fwav_companion.types.calibration_report import CalibrationStatus, KeptCalibration, SharedParameter
+from fwav_companion.types.calibration_report import CalibrationStatus, KeptCalibration
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035
@@ -100,30 +103,49 @@ def test_turns_tell_beats_apart():
     assert abs(report.time_offset_s - flight.biases[Bias.TIME_OFFSET]) < 4 * report.time_offset_sigma_s < 0.002
 
 
-@pytest.mark.parametrize("slip", [pytest.param({Bias.TIME_OFFSET: 0.06}, id="delay")])
-def test_what_slips_in_flight_moves_the_published_place_by_no_more_than_its_claim(slip):
-    """The camera is late by another 25 ms once its delay was known.
-
-    A step is judged by the larger of the claims before and after it.
+@cache
+def slipped(bias, value):
+    """[(frame, track, place, covariance, status)] of the oldest confirmed track after each frame of a flight whose bias
+    changes after 500 frames.
     """
     before, after = PLANTED.copy(), PLANTED.copy()
-    for bias, value in slip.items():
-        after[bias] = value
+    after[bias] = value
     worlds = [World(Flight(seed=2, fps=15, biases=biases)) for biases in (before, after)]
     frames = worlds[0].frames()[:500] + worlds[1].frames()[500:]
-    last, statuses = None, []
+    seen = []
     for (tracker, tracks), view in zip(tracked(worlds[0], frames), frames, strict=True):
         confirmed = [track for track in tracks if track.confirmed_host_ns is not None]
-        if not confirmed:
-            continue
-        track = min(confirmed, key=lambda each: each.id)
-        place, cov = np.array(track.position_ned[:2]), np.array(track.cov)[:2, :2]
-        if last is not None and last[0] == track.id:
-            step, claim = place - last[1], cov if np.trace(cov) > np.trace(last[2]) else last[2]
-            assert step @ np.linalg.solve(claim, step) < 3.0**2, view.frame
-        last = (track.id, place, cov)
-        statuses.append((view.frame, tracker.calibration.status))
-    assert CalibrationStatus.CALIBRATED in [status for frame, status in statuses if frame < 500]
+        if confirmed:
+            track = min(confirmed, key=lambda each: each.id)
+            place, cov = np.array(track.position_ned[:2]), np.array(track.cov)[:2, :2]
+            seen.append((view.frame, track.id, place, cov, tracker.calibration.status))
+    return seen
+
+
+CALIBRATED = CalibrationStatus.CALIBRATED
+SLIPS = {"mount": (Bias.MOUNT_Y, np.radians(3.0)), "delay": (Bias.TIME_OFFSET, 0.06)}
+"""The mount slips by 2 degrees, or the camera is late by another 25 ms, once both were known."""
+AVERAGED = pytest.mark.xfail(
+    strict=True,
+    reason="the mount before and after the slip is averaged: -2.04 degrees about y for -3 with a sigma of 0.05, "
+    "calibrated throughout; the place is off by 0.17 m with a sigma of 0.025 m, and then jumps by 4.8 sigmas",
+)
+
+
+@pytest.mark.parametrize("slip", [pytest.param("mount", marks=AVERAGED), "delay"])
+def test_what_slips_in_flight_moves_the_published_place_by_no_more_than_its_claim(slip):
+    """A step is judged by the larger of the claims before and after it."""
+    seen = slipped(*SLIPS[slip])
+    assert CALIBRATED in [status for frame, *_, status in seen if frame < 500]
+    for (_, track, place, cov, _), (frame, now, there, wider, _) in pairwise(seen):
+        if track == now:
+            step, claim = there - place, wider if np.trace(wider) > np.trace(cov) else cov
+            assert step @ np.linalg.solve(claim, step) < 3.0**2, frame
+
+
+@AVERAGED
+def test_a_mount_that_slips_in_flight_is_no_longer_calibrated():
+    assert slipped(*SLIPS["mount"])[-1][-1] is not CALIBRATED
 
 
 def test_a_kept_calibration_is_where_the_next_flight_starts():
@@ -134,17 +156,6 @@ def test_a_kept_calibration_is_where_the_next_flight_starts():
     report = tracker.calibration
     assert (report.time_offset_s, report.mount) == (0.035, (-0.01, 0.0, 0.0))
     assert 0.001 < report.time_offset_sigma_s < 0.003
-
-
-def test_a_mount_far_beyond_its_prior_is_found_and_reported_and_bends_nothing_else():
-    biases = late(0.035)
-    biases[[Bias.MOUNT_X, Bias.MOUNT_Y]] = np.radians([0.5, 6.0])
-    track, tracker = flown(Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2)))
-    report, error = tracker.calibration, np.subtract(track.position_ned[:2], (2.0, 3.0))
-    assert np.degrees(report.mount) == pytest.approx([-0.5, -6.0, 0.0], abs=0.3)
-    assert report.height_m == pytest.approx(0.0, abs=0.4)
-    assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < 13.8
-    assert [each.parameter for each in report.denied] == [SharedParameter.MOUNT_Y]
 
 
 @pytest.mark.parametrize("seed", first_of(6, 1))
