@@ -19,6 +19,7 @@ BENCHMARKS = (
     "lens",
     "fix",
     "attitude_at",
+    "filter_update",
     "ten_targets",
     "calls",
     "startup",

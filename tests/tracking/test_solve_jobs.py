@@ -2,7 +2,6 @@
 
 import threading
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.replay import driver
 from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
-from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, SmootherOptions
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob
 from tests.accuracy.flights import plan_of, recording_of, replayed
 
 PATIENCE_S = 60.0
@@ -36,7 +35,7 @@ def lines_by(flight, solver, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(SmoothedTracker, "__init__", begun)
-        patch.setattr(driver, "SmootherOptions", partial(SmootherOptions, solver))
+        patch.setattr(driver, "InLineJob", solver)
         lines = list(replayed(*flight, "third"))
     return lines, counts[0].solves
 
