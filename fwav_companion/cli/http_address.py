@@ -6,6 +6,7 @@ import secrets
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import UserError
+from fwav_companion.http_hosts import is_loopback
 
 if TYPE_CHECKING:
     from fwav_companion.ground.ground_process import PageAddress
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 
 def http_address(text: str) -> PageAddress:
     """The address of the option. UserError where it is none."""
-    from fwav_companion.ground.access import is_loopback
     from fwav_companion.ground.ground_process import PageAddress
 
     host, separator, port = text.rpartition(":")

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 
 import msgspec
 
+from fwav_companion.http_hosts import is_loopback, name_and_port
+
 COOKIE = "fwav_ground"
 SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -52,28 +54,12 @@ class AccessRules(msgspec.Struct, frozen=True, kw_only=True):
         return None
 
     def _is_ours(self, host: str) -> bool:
-        name, port = _split(host)
+        name, port = name_and_port(host)
         if port != self.port:
             return False
         if is_loopback(self.host):
             return name in ("localhost", "127.0.0.1", "::1", self.host)
         return _is_address(name) or name in self.names or name == self.host
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address reaches only this machine."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def _split(host: str) -> tuple[str, int | None]:
-    """Name and port of a Host header; port 80 where it is left out."""
-    name, separator, port = host.rpartition(":")
-    if not separator or (host.startswith("[") and host.endswith("]")):
-        return host.strip("[]"), 80
-    return name.strip("[]"), int(port) if port.isdecimal() and len(port) <= 5 else None
 
 
 def _is_address(name: str) -> bool:

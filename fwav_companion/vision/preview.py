@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hmac
 import logging
-import re
 import select
 import socket
 import threading
@@ -20,9 +19,10 @@ from typing import Any
 
 import msgspec
 
+from fwav_companion.http_hosts import is_loopback, name_and_port
 from fwav_companion.types.track_marks import MARKS_QUESTION, TrackMark, TrackMarks
 from fwav_companion.vision.images import Found, Picture, frame_bytes
-from fwav_companion.vision.preview_address import PreviewAddress, is_loopback
+from fwav_companion.vision.preview_address import PreviewAddress
 from fwav_companion.vision.preview_drawing import drawn
 
 _log = logging.getLogger(__name__)
@@ -56,7 +56,7 @@ class Preview:
         self._shown: Shown | None = None
         self._number = 0
         self._watchers = 0
-        self._token, self._is_local = address.token, not address.token
+        self._token = address.token
         try:
             self._server: ThreadingHTTPServer | None = _Server((address.host, address.port), _handler_of(self))
         except OSError as error:
@@ -103,7 +103,7 @@ class Preview:
         """Whether a request's path has the token. Without one, its Host must be a name of loopback, which that of
         another site is not that lets its own name resolve to this address (DNS rebinding).
         """
-        if self._is_local and not is_loopback(re.sub(r":[0-9]+$", "", host).strip("[]").lower()):
+        if not self._token and not is_loopback(name_and_port(host.lower())[0]):
             return False
         return hmac.compare_digest(path.encode(), f"/{self._token}".encode())
 

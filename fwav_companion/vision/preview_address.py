@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 
 import msgspec
+
+from fwav_companion.http_hosts import is_loopback
 
 SHORTEST_TOKEN = 16
 """Least number of characters: 95 bits of letters and digits, which cannot be guessed over a network."""
@@ -34,11 +35,3 @@ def parse_preview(text: str) -> PreviewAddress | None:
             f"{SHORTEST_TOKEN} characters or more, or 127.0.0.1:PORT"
         )
     return address
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address or name reaches only this machine."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
