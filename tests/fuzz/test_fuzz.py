@@ -14,7 +14,7 @@ HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
 VARIATIONS = 60
 """Of the corpus of one target."""
-SOME_S, MANY_S = 4, 60
+SOME_S, MANY_S = 10, 60
 """For each target in the slow part and by night."""
 
 
