@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from fwav_companion.cli.main import main
 from fwav_companion.config import load
 from fwav_companion.recording.tlog import TlogRecord, read_tlog
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
+from fwav_companion.types.calibration_report import KeptCalibration
 
 KEY = bytes(range(200, 232))
 
@@ -181,7 +181,6 @@ def test_it_records_while_armed_and_from_half_a_minute_before(site: Site):
 
 
 def test_a_flight_that_began_with_a_kept_calibration_replays_with_it(site: Site):
-    site.replace("self_calibration = false", "self_calibration = true")
     site.replace('directory = ""                # kept', 'directory = "state"  # kept')
     config = load(site.folder / "fwav-companion.toml")
     kept = KeptCalibration(

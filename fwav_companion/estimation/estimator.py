@@ -238,7 +238,7 @@ class Estimator:
         self.kept = s = thinned(in_order(s), now, self._budget)
         self._path.settle()
         self._prune(now, s)
-        wanders = self.model.noise.position_wander_m > 0 and not self.model.consider
+        wanders = self.model.noise.position_wander_m > 0
         parts = self._schedule.start(
             now, first=self.estimate.delay_sigma_s is None, wanders=wanders, is_doubtful=self._is_doubtful
         )

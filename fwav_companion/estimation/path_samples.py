@@ -119,7 +119,8 @@ class PathSamples:
         """
         t, values = self.buffer.times, self.buffer.values
         n, half = len(t), max(1, round(0.5 * CALM_S / self.step_s))
-        if n <= 2 * half:
+        if n <= 2 * half:  # also where a snapshot ends before later samples, which have made calm ones
+            values[CALM] = values[VELOCITY]
             return
         index = np.arange(max(0, first - half), n)
         centre = index.clip(half, n - 1 - half)

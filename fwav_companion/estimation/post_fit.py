@@ -9,7 +9,7 @@ import numpy as np
 from fwav_companion.estimation.errors import Array
 from fwav_companion.estimation.information import WeightedSightings, is_used
 from fwav_companion.estimation.problem import Problem
-from fwav_companion.estimation.robust_weights import leave_one_out_distance2
+from fwav_companion.estimation.robust_weights import LeaveOneOut, leave_one_out
 
 _UNUSED_VARIANCE = 1e6  # of a sighting that counts nothing, standardised
 
@@ -36,10 +36,10 @@ def post_fit(problem: Problem, rows: Array, residual: Array, step: Array, covari
     return PostFit(left, known)
 
 
-def judge_sightings(problem: Problem, weighted: WeightedSightings, after: PostFit) -> Array:
-    """Squared distances (N,) of all sightings, also of those that count nothing now."""
+def judge_sightings(problem: Problem, weighted: WeightedSightings, after: PostFit) -> LeaveOneOut:
+    """All sightings against what the others predict, also those that count nothing now."""
     noise = np.einsum("ian,jan->ijn", weighted.common, weighted.common)
     noise[0, 0] += 1.0
     noise[1, 1] += 1.0
     weight = np.where(is_used(problem, weighted), weighted.weight, 1.0 / _UNUSED_VARIANCE)
-    return leave_one_out_distance2(after.residual, after.known, noise, weight)
+    return leave_one_out(after.residual, after.known, noise, weight)

@@ -24,7 +24,7 @@ from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.post_fit import PostFit, judge_sightings, post_fit
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.range_rows import with_readings
-from fwav_companion.estimation.robust_weights import HALF, expected_weights
+from fwav_companion.estimation.robust_weights import HALF, expected_weights, wide_weights
 from fwav_companion.estimation.wander import WanderKernel
 
 COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error between knots 3
@@ -166,10 +166,15 @@ def iterate(
 def judged_weights(
     problem: Problem, state: State, projection: Projection, noise: WeightedSightings, kernel: WanderKernel, rows: Array
 ) -> Array:
-    """Weights (N,) at a state by what all others predict, where no earlier step has weights."""
-    found = gauss_newton_step(problem, state, projection, noise, kernel, rows)
+    """Weights (N,) at a state by what all others predict, where no earlier step has weights.
+
+    A fit in which several false detections count in full is as far from the right ones as from them: four of 150 sigmas
+    among 25 left two right ones. They count by their distance from the state instead, on which they had no share.
+    """
+    weighted = noise._replace(weight=noise.weight * wide_weights(noise.distance2))
+    found = gauss_newton_step(problem, state, projection, weighted, kernel, rows)
     after = post_fit(problem, rows, projection.residual, found.step, found.covariance)
-    return expected_weights(judge_sightings(problem, noise, after))
+    return expected_weights(judge_sightings(problem, weighted, after))
 
 
 def likeliest_kernel(

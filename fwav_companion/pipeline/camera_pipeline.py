@@ -26,7 +26,6 @@ from fwav_companion.pipeline.landmark_shift import LandmarkShift
 from fwav_companion.pipeline.pad_notices import CouldSee, PadNotices, with_pads
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
-from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import FrameTracker, Settled
 from fwav_companion.tracking.crowd import Crowd
@@ -43,6 +42,7 @@ from fwav_companion.types import (
     Track,
     Unpaired,
 )
+from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
@@ -126,13 +126,12 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is due.
+        """Instant at which a frame has waited long enough, or its lines are due.
 
         Where lines are not used, no instant is needed for them: a frame is settled at the next event.
         """
         settles = self._reorder.wake_at if self._target_log.written else None
-        dues = (self._waiting.wake_at, settles, self._reorder.tracker.due_ns)
-        return min([due for due in dues if due is not None], default=None)
+        return min([due for due in (self._waiting.wake_at, settles) if due is not None], default=None)
 
     @property
     def waiting_detections(self) -> int:
@@ -169,7 +168,6 @@ class CameraPipeline:
 
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
-        self._reorder.tracker.catch_up(now)
         return self._closed(now)
 
     def _closed(self, now: HostNs) -> list[Settled]:

@@ -32,7 +32,6 @@ from fwav_companion.replay.photograph_source import PhotographSource, VideoPoses
 from fwav_companion.replay.recorded import SkippedLine, read_frames
 from fwav_companion.tracking import Settled
 from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import (
     Frame,
     NoFrame,
@@ -87,11 +86,10 @@ def replay_photographs(
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
     shared_errors: SharedErrors | None = None,
-    smooths: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
-    ``shared_errors``: what it returns is the summary's ``shared_errors``. ``smooths``: the smoother estimates.
+    ``shared_errors``: what it returns is the summary's ``shared_errors``.
     """
     origin = _origin(photographs.poses, config)
     total = photographs.sigmas_are_total
@@ -109,7 +107,6 @@ def replay_photographs(
         elevation=elevation,
         own_filter=own_filter,
         sightings=sightings,
-        smoother=SmootherOptions() if smooths else None,
     )
     undulation_m = geoid_undulation_m(origin.lat_deg, origin.lon_deg) if config.ground.model == "terrain" else None
     camera.on_origin(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)

@@ -15,8 +15,8 @@ from fwav_companion.mavlink.wire import enums
 from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, parse_event
 from fwav_companion.recording.tlog import SkippedBytes
 from fwav_companion.replay.telemetry import TelemetryRead, Timed, read_telemetry
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Frame, Message, NoFrame, Reason, StampClock
+from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 

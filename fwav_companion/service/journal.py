@@ -13,9 +13,9 @@ from fwav_companion.mavlink.wire.strip_signature import unsigned, without_signat
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
 from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.recorder import Recorder
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.timer import HostClock
 from fwav_companion.types import Frame, NoFrame, Reason
+from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.vision.wire import encode_frame, stamp_line
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track
+from fwav_companion.types.calibration_report import CalibrationReport
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
@@ -49,13 +48,6 @@ class FrameTracker(Protocol):
     @property
     def unused_fixes(self) -> Mapping[Reason, int]:
         """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
-
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Instant at which self-calibration catches up even if no further frame comes."""
-
-    def catch_up(self, now_ns: HostNs) -> None:
-        """Let self-calibration process what is due while no frame comes."""
 
     def best_targets(self) -> Mapping[int, ReportedTarget]:
         """The reported targets of all live tracks, by id."""

@@ -19,7 +19,6 @@ BENCHMARKS = (
     "lens",
     "fix",
     "attitude_at",
-    "filter_update",
     "ten_targets",
     "calls",
     "startup",

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
+from smoothed_flights import tracked
 
-from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.filters.moving import ACCELERATION_DENSITY, START_SPEED_M_S
+from fwav_companion.estimation.schmidt_targets import ACCELERATION_M_S2, FIRST_SPEED_M_S
+from fwav_companion.tracking.motions import Motions
 
 NO_BIAS = {"time_offset": 0.0, "mount_x": 0.0, "mount_y": 0.0, "mount_z": 0.0, "heading": 0.0}
 ERRORS = priors(**NO_BIAS, attitude_noise=0.0, height_noise_m=0.0)
@@ -43,7 +44,7 @@ class Optimum:
     """Place and velocity, horizontal."""
 
     def __init__(self, density):
-        self.density, self.t, speed = density, 0.0, START_SPEED_M_S if density else 0.0
+        self.density, self.t, speed = density, 0.0, FIRST_SPEED_M_S if density else 0.0
         self.x, self.cov = np.zeros(4), np.diag([1e4, 1e4, speed**2, speed**2])
 
     def predict(self, t):
@@ -74,11 +75,12 @@ def own_fix(fixes, place):
 
 def errors(flight, density, motion):
     """Distances from the target of the tracker's and of the optimum's place, frame by frame with a fix of both."""
-    world, tracker, optimum = Moved(flight, density), make_tracker(TrackingOptions(motion=motion), ERRORS), None
-    found = []
-    for view in world.frames():
+    world, optimum, found = Moved(flight, density), None, []
+    views = world.frames()
+    flying = tracked(world, views, motions=Motions(motion == "moving"))
+    for view, (_, tracks) in zip(views, flying, strict=True):
         t = view.frame / flight.fps
-        place, tracks = world.at(t), tracker.on_frame(view)
+        place = world.at(t)
         fix = own_fix(view.fixes, place)
         if fix is None:
             continue
@@ -101,7 +103,7 @@ def errors(flight, density, motion):
     [
         ("static", {}, 0.0, "static"),
         ("clutter", {"clutter": 0.5}, 0.0, "static"),
-        ("walker", {}, ACCELERATION_DENSITY, "moving"),
+        ("walker", {}, ACCELERATION_M_S2**2, "moving"),
     ],
 )
 def test_the_error_is_within_a_tenth_of_the_optimum(name, changes, density, motion):

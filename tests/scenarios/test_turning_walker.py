@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
+from smoothed_flights import tracked
 
-from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.tracking.motions import Motions
 from fwav_companion.types import Bias
 
 SECONDS, DT_S = 40.0, 0.02
@@ -53,10 +54,10 @@ def claims(seed, *, turns):
     """Squared distance normalised by the claim, distance, and claim (one sigma), of each sight after three seconds."""
     t, places = course(seed, turns=turns)
     flight = Flight(height_m=25.0, shape="hover", pitch_deg=0.0, seconds=SECONDS, miss=0.05, priors=ERRORS).drawn(seed)
-    world, tracker, found = Walked(flight, t, places), make_tracker(TrackingOptions(motion="moving"), ERRORS), []
-    for view in world.frames():
-        capture = view.frame / flight.fps - flight.biases[Bias.TIME_OFFSET]
-        for track in tracker.on_frame(view):
+    world, found = Walked(flight, t, places), []
+    for k, (_, tracks) in enumerate(tracked(world, motions=Motions(default=True))):
+        capture = k / flight.fps - flight.biases[Bias.TIME_OFFSET]
+        for track in tracks:
             if track.fix is not None and track.confirmed_host_ns is not None and capture > 3.0:
                 error, cov = track.position_ned[:2] - world.at(capture), np.array(track.cov)[:2, :2]
                 found.append((error @ np.linalg.solve(cov, error), np.hypot(*error), np.sqrt(np.trace(cov))))

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.replay import driver
 from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
-from fwav_companion.tracking.smoothed.solve_jobs import InLineJob
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, SmootherOptions
 from tests.accuracy.flights import plan_of, recording_of, replayed
 
 PATIENCE_S = 60.0
@@ -35,7 +36,7 @@ def lines_by(flight, solver, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(SmoothedTracker, "__init__", begun)
-        patch.setattr(driver, "InLineJob", solver)
+        patch.setattr(driver, "SmootherOptions", partial(SmootherOptions, solver))
         lines = list(replayed(*flight, "third"))
     return lines, counts[0].solves
 

@@ -36,10 +36,10 @@ VARIANT_LINES = (TargetLine, CalibrationLine)
 def other_variants(config: Config, replayed: Callable[[str, Config], Iterator[Line]]) -> list[ReplayedLines]:
     """The recording in each variant that the configuration is not; ``replayed(name, config)`` runs one replay.
 
-    Self-calibration needs numpy: a board without it gets a report without that variant.
+    The smoother needs numpy: a board without it gets a report without those variants.
     """
-    own, calibrates = variant_of(config), is_installed("numpy")
-    others = [each for each in VARIANTS if each.kind != own.kind and (calibrates or not each.self_calibration)]
+    own, smooths = variant_of(config), is_installed("numpy")
+    others = [each for each in VARIANTS if each.kind != own.kind and (smooths or each.filter != "kalman")]
     return [
         ReplayedLines(
             other.name,

@@ -1,1 +1,5 @@
-"""Filters of one target: Kalman (static, moving) and the paper's low-pass. Pure."""
+"""The tracker by filters of single targets: the paper's low-pass, or a filter of one's own. Pure, without numpy.
+
+Reading order: ``base`` (the protocol of a filter); ``fix_sample``, ``averages``, ``position_error``, ``lowpass``;
+``filter_frame``, ``alternation``, ``filter_tracker``.
+"""

@@ -24,8 +24,8 @@ from fwav_companion.estimation.errors import (
     SharedPriors,
     with_stored,
 )
-from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Bias, ErrorPriors
+from fwav_companion.types.calibration_report import KeptCalibration
 
 _SOURCES = {
     CAMERA_DELAY: Bias.TIME_OFFSET,

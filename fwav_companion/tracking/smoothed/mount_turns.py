@@ -22,7 +22,7 @@ from fwav_companion.estimation.kept_sightings import Sightings, joined, spread
 from fwav_companion.estimation.measurement import Poses
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.self_calibration.named_mounts import named
+from fwav_companion.tracking.smoothed.named_mounts import named
 
 EVERY_NS = 200 * NS_PER_MS
 """Least time between two frames whose sights are kept: sixty of them span many headings."""

@@ -11,9 +11,9 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.smoothed.mount_turns import MountTurns
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types import GroundReference, Reason
@@ -44,7 +44,7 @@ class SmoothedState:
     next_id: int = 1
     next_still: int = 0
     pending: PendingSolve | None = None
-    tracks: tuple[SmoothedTrack, ...] = ()
+    tracks: tuple[LiveTrack, ...] = ()
     """Live tracks by id."""
     detector: DetectorModel = field(default_factory=DetectorModel)
     waiting: dict[int, tuple[Sightings, ...]] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.variance_shares import variance_shares
 from fwav_companion.geometry.rotations import rotate
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.types import FrameView, GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
@@ -117,14 +117,14 @@ class FrameAnswers:
         """Gating statistics of a fix of this frame."""
         return self.gates.get((track, fix), OUTSIDE_GATE)
 
-    def target(self, track: SmoothedTrack) -> SmoothedTarget | None:
+    def target(self, track: LiveTrack) -> SmoothedTarget | None:
         """The track's target; None where the live filter does not hold it."""
         key = (track.id, id(track.last_fix))
         if key not in self._targets:
             self._targets[key] = self._target(track)
         return self._targets[key]
 
-    def _target(self, track: SmoothedTrack) -> SmoothedTarget | None:
+    def _target(self, track: LiveTrack) -> SmoothedTarget | None:
         answer, live = self._estimator.answer(track.id, self.t), self._estimator.live
         if answer is None or live is None:
             return None
@@ -142,7 +142,7 @@ class FrameAnswers:
         """Horizontal variance of a target by cause, m^2."""
         return variance_shares(self._estimator.live, target)
 
-    def displaced_m(self, track: SmoothedTrack) -> float:
+    def displaced_m(self, track: LiveTrack) -> float:
         """Distance by which the estimated mount and tilt displace a target from where the configuration expects it."""
         live = self._estimator.live
         if live is None:

@@ -21,8 +21,8 @@ from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
-from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
+from fwav_companion.tracking.crowd import Crowd
+from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
@@ -37,13 +37,12 @@ from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, sightings_of
 from fwav_companion.tracking.smoothed.picture_samples import PictureSamples
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
-from fwav_companion.tracking.smoothed.smoothed_frame import FrameTracks
+from fwav_companion.tracking.smoothed.smoothed_frame import SmoothedFrame
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_merging import merged
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
-from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.tracking.smoothed.teaching import forget_ended, teach, teach_displaced
@@ -58,6 +57,7 @@ from fwav_companion.types import (
     Track,
     TrackState,
 )
+from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
@@ -187,14 +187,6 @@ class SmoothedTracker:
     def next_id(self, next_id: int) -> None:
         self._state.next_id = next_id
 
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Nothing is due between frames."""
-        return None
-
-    def catch_up(self, now_ns: HostNs) -> None:
-        """Do nothing: nothing is due between frames."""
-
     def best_targets(self) -> dict[int, SmoothedTarget]:
         """The reported targets of all live tracks, by id."""
         answers = self._answers
@@ -238,22 +230,23 @@ class SmoothedTracker:
         answers = self._answers = FrameAnswers(
             estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
         )
-        frame = FrameTracks(
-            state, view, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
+        frame = SmoothedFrame(
+            state, view, sights, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
             reports_innovations=self.reports_innovations,
         )  # fmt: skip
         before = state.tracks
-        after = frame.updated(before, sights)
-        tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
+        tracks = frame.begun(frame.updated())
         if sights is not None:
             teach(state, view, sights, tracks, self._priors, answers.gates)
             teach_displaced(state, sights, frame.displaced, tracks)
         tracks = frame.continued(tracks)
+        state.next_id = frame.next_id
         if taken_over:
             tracks = merged(tracks, estimator)
         state.detector = detector_after(
-            state.detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
-        )
+            state.detector, view.host_ns, before, tracks,
+            refused=frame.refused, id_trust=frame.id_trust, crowd=frame.crowd_after(),
+        )  # fmt: skip
         state.unused_fixes = frame.unused(tracks)
         if sights is not None and not estimator.model.consider:
             self._judge_mount(view, sights)
@@ -300,7 +293,7 @@ class SmoothedTracker:
         self._solves.taken += 1
         return True
 
-    def _reports(self, tracks: Sequence[SmoothedTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
+    def _reports(self, tracks: Sequence[LiveTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
         misplaced_m = self._state.turns.misplaced_m
         targets = ((track, answers.target(track)) for track in tracks if track.id > 0)
         return tuple([track.report(target, view, misplaced_m) for track, target in targets if target is not None])
@@ -313,15 +306,6 @@ class SmoothedTracker:
             mount = view.fixes[0].sighting.body_from_camera
             turns.add([labels[i] for i in static], sights.select(np.array(static)), mount, view.host_ns)
         turns.judge(self._state.estimator)
-
-    def _crowd_after(self, view: FrameView, before: Sequence[SmoothedTrack], frame: FrameTracks) -> Crowd:
-        """The crowd after a frame; unchanged where tracks took nearly all of its fixes."""
-        detector, left = self._state.detector, frame.left
-        if not detector.crowd.labels and len(left) <= NEW_TARGETS:
-            return detector.crowd
-        tentative = [view.fixes[frame.taken[t.id].index] for t in before if t.id in frame.taken and not t.confirmed]
-        elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
-        return detector.crowd.after_frame([view.fixes[j] for j in left], tentative, elapsed_s)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""

@@ -49,6 +49,10 @@ class SmootherOptions(msgspec.Struct, frozen=True):
     """Keep sightings for the answers by the whole flight."""
 
 
+IN_LINE = SmootherOptions()
+"""Solves are computed where they are taken over."""
+
+
 class PendingSolve(msgspec.Struct, frozen=True):
     """A solve that was started and is not yet taken over."""
 

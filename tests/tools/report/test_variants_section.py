@@ -110,8 +110,9 @@ def test_what_a_label_says_is_text():
 @pytest.mark.parametrize(
     ("settings", "kind"),
     [
-        ([], "plain"),
-        (["tracking.self_calibration=true"], "calibrated"),
+        ([], "calibrated"),
+        (["tracking.self_calibration=false"], "plain"),
+        (["tracking.filter=lowpass", "tracking.alpha_rate_hz=0", "tracking.self_calibration=false"], "paper"),
         (["tracking.filter=lowpass", "tracking.alpha_rate_hz=0"], "paper"),
         (["tracking.filter=lowpass"], "own"),
         (["tracking.filter=mine:Filter"], "own"),
