@@ -148,13 +148,13 @@ class Attitudes:
         q = self.quaternions(np.array([first, 0.5 * (first + last), last]))
         return body_rates(q[:, 1:2], (q[:, 2:] - q[:, :1]) / (last - first))
 
-    def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:
+    def motion_share(self, t: Array, fast: Array, slow: Array, unseen_rad: float = 0.0) -> Array:
         """Share (3, 1) of the fast rates, beyond the slow ones, that is motion and not noise of the attitudes.
 
         A delay's derivative is the rate times the ray. Noise in the rate is an error in the variables (Fuller 1987): it
         counts as information on the delay that does not exist (0.9 ms claimed, 12 ms off). The noise of the rates
         follows from this interpolation's own gain. Squares are clipped at their 98 % point: a polynomial's end can be
-        far off.
+        far off. unseen_rad: one sigma of the motion that the interpolation misses: noise of the attitudes, too.
         """
         squares = (fast - slow) ** 2
         rank = int(0.98 * (len(t) - 1))
@@ -163,7 +163,7 @@ class Attitudes:
         t = t[:: 1 + len(t) // 200].clip(*self._inside())
         difference = self._weights(t + _FAST_STEP_S)[1] - self._weights(t - _FAST_STEP_S)[1]
         gain = float(np.median((difference**2).sum(0)))
-        noise = self.noise_rad**2 * (gain / (2 * _FAST_STEP_S) ** 2 + 2 / (2 * _SLOW_STEP_S) ** 2)
+        noise = (self.noise_rad**2 + unseen_rad**2) * (gain / (2 * _FAST_STEP_S) ** 2 + 2 / (2 * _SLOW_STEP_S) ** 2)
         certain = 1.3 + 5 * np.sqrt(2 / fast.shape[1])
         return np.where(mean > certain * noise, 1 - noise / np.maximum(mean, 1e-12), 0.0)[:, None]
 

@@ -38,6 +38,11 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.t)
 
+    @property
+    def unseen_rad(self) -> float:
+        """Root mean square of what the frames' own attitudes add to the noise."""
+        return 0.0 if self.own_noise is None or not len(self) else float(np.sqrt(np.mean(self.own_noise[0] ** 2)))
+
     def select(self, which: Bools | Ints) -> Sightings:
         """Those of a mask (N,) or of indices."""
         if which.dtype == np.bool_ and bool(which.all()):

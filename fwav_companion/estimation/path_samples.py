@@ -249,31 +249,34 @@ class Carrier:
             self.gimbal.keep_near(instants, margin_s)
         self.ranges.keep_near(instants, margin_s)
 
-    def rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
-        """Rates at many instants (N,): the slow ones, and of the fast ones what is motion."""
-        return self._rates(t, shift, adapt=True)
+    def rates(self, t: Array, shift: float = 0.0, unseen_rad: float = 0.0) -> CarrierRates:
+        """Rates at many instants (N,): the slow ones, and of the fast ones what is motion.
+
+        unseen_rad: one sigma of the motion that the attitudes' interpolation misses.
+        """
+        return self._rates(t, shift, unseen_rad)
 
     def live_rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
         """Rates at a few instants, with the share of motion that was last found."""
-        return self._rates(t, shift, adapt=False)
+        return self._rates(t, shift)
 
-    def _rates(self, t: Array, shift: float, *, adapt: bool) -> CarrierRates:
+    def _rates(self, t: Array, shift: float, unseen_rad: float | None = None) -> CarrierRates:
         if self.gimbal is None:
-            return CarrierRates(self._denoised(self.body, t + shift, adapt=adapt))
-        own = self._denoised(self.gimbal, t + shift, adapt=adapt)
+            return CarrierRates(self._denoised(self.body, t + shift, unseen_rad))
+        own = self._denoised(self.gimbal, t + shift, unseen_rad)
         if self.yaw_from_north:
             return CarrierRates(own)
         # The heading turns the gimbal about down: its rate from the body's (Euler's kinematic equation).
-        _, q, r = self._denoised(self.body, t, adapt=adapt)
+        _, q, r = self._denoised(self.body, t, unseen_rad)
         right, down = matrices(self.body.quaternions(t))[2, 1:]
         turn = (right * q + down * r) / np.maximum(right * right + down * down, _LEAST_LEVEL2)
         return CarrierRates(own + matrices(self.gimbal.quaternions(t + shift))[2] * turn, own)
 
-    def _denoised(self, attitudes: Attitudes, t: Array, *, adapt: bool) -> Array:
+    def _denoised(self, attitudes: Attitudes, t: Array, unseen_rad: float | None) -> Array:
         fast, slow = attitudes.fast_and_slow_rates(t)
         of_gimbal = attitudes is self.gimbal
-        if adapt:
-            self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow)
+        if unseen_rad is not None:
+            self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow, unseen_rad)
         return np.asarray(slow + self._motion_shares.get(of_gimbal, 0.0) * (fast - slow))
 
     def poses(self, t: Array, rates: CarrierRates, attitude_shift: float = 0.0) -> Poses:

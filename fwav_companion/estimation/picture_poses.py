@@ -59,7 +59,7 @@ class PictureAttitudes(Attitudes):
         """Zero (3, N), twice."""
         return np.zeros((3, len(t))), np.zeros((3, len(t)))
 
-    def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:  # noqa: ARG002
+    def motion_share(self, t: Array, fast: Array, slow: Array, unseen_rad: float = 0.0) -> Array:  # noqa: ARG002
         """Zero (3, 1)."""
         return np.zeros((3, 1))
 

@@ -200,7 +200,7 @@ class Problem:
         delay, shift = float(shared[CAMERA_DELAY]), attitude_shift(shared)
         instants = self.instants - delay - self.rows * float(shared[READOUT])
         if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
-            self._rates = delay, self.carrier.rates(instants, shift)
+            self._rates = delay, self.carrier.rates(instants, shift, self.s.unseen_rad)
         poses = self.carrier.poses(instants, self._rates[1], shift)
         if self._in_order:
             return poses

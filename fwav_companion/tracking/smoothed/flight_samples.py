@@ -249,8 +249,8 @@ def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]
     """
     state = fix.sighting.state
     if not own_poses:
-        gimbal = state.gimbal
-        return (hypot(gimbal.sigma, gimbal.tilt_sigma) if isinstance(gimbal, GimbalAt) else 0.0), 0.0, 0.0
+        tilt_sigma = state.gimbal.tilt_sigma if isinstance(state.gimbal, GimbalAt) else 0.0
+        return hypot(state.carrier_sigma, tilt_sigma), 0.0, 0.0
     level_m, up_m = state.position_sigma_m, state.height_sigma_m
     if fix.ground == "fixed":  # at a height below the camera: that of the camera does not count
         up_m = 0.0
