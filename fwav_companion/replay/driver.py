@@ -24,7 +24,7 @@ from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.tracking import shares_of
 from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
+from fwav_companion.tracking.smoothed.solve_jobs import RecordedSolver, SmootherOptions
 from fwav_companion.types import Frame, Message, NoFrame, StampClock, TrackState
 from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
@@ -67,7 +67,7 @@ def replay(
         own_filter=own_filter,
         sightings=sightings,
         clock_rate=recording.clock_rate,
-        smoother=SmootherOptions(whole_flight=True),
+        smoother=SmootherOptions(RecordedSolver(recording.late_frames), whole_flight=True),
     )
     tally, ends = ErrorTally(truth) if truth else None, dict[int, TargetLine]()
     for _ in _drive(pipeline, recording, own_components(config)):

@@ -29,7 +29,7 @@ from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.kept_sights import KeptSights, SharedErrors
 from fwav_companion.replay.photograph_source import PhotographSource, VideoPoses, least_sigmas
-from fwav_companion.replay.recorded import SkippedLine, read_frames
+from fwav_companion.replay.recorded import SkippedLine, read_detections
 from fwav_companion.tracking import Settled
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import (
@@ -64,16 +64,16 @@ class Photographs(msgspec.Struct, frozen=True):
 def join_photographs(file: PosesFile, detections: bytes) -> Photographs:
     """Poses and detections of the same pictures."""
     poses = file.poses
-    entries, _, skipped = read_frames(detections, RecordingClock())
-    frames = sorted((entry for entry in entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
-    rejected = [entry for entry in entries if isinstance(entry, NoFrame)]
+    read = read_detections(detections, RecordingClock())
+    frames = sorted((entry for entry in read.entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
+    rejected = [entry for entry in read.entries if isinstance(entry, NoFrame)]
     source = PhotographSource(poses, Geodetic(0.0, 0.0, 0.0))
     without = sum(source.pose_of(frame) is None for frame in frames)
     notes = [f"{without} of {len(frames)} pictures in the detections have no pose in it"] if without else []
     has_sigmas = any(s is not None for p in poses for s in (p.position_sigma_m, p.height_sigma_m, p.attitude_sigma))
     if has_sigmas and not file.sigmas_are_total:
         notes.append("its sigmas are each picture's own; `# sigmas: total` keeps the meaning of older files")
-    return Photographs(poses, [*frames, *rejected], skipped, notes, file.sigmas_are_total, file.shared)
+    return Photographs(poses, [*frames, *rejected], read.skipped, notes, file.sigmas_are_total, file.shared)
 
 
 def replay_photographs(

@@ -94,7 +94,7 @@ def make_parts(
         pipeline=pipeline,
         signing=signing,
         node=node,
-        journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock),
+        journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock, solver),
         arrivals=ArrivalCount(),
         solver=solver,
     )

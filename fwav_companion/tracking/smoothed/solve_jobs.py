@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -28,17 +28,36 @@ Solver = Callable[["SolveTask"], SolveJob]
 class InLineJob:
     """A solve that is computed when its estimate is asked for, once."""
 
-    __slots__ = ("_estimate", "_task")
+    __slots__ = ("_estimate", "_late_frames", "_task")
 
-    def __init__(self, task: SolveTask) -> None:
-        self._task = task
+    def __init__(self, task: SolveTask, late_frames: int = 0) -> None:
+        """``late_frames``: number of frames that first ask in vain."""
+        self._task, self._late_frames = task, late_frames
         self._estimate: Estimate | None = None
 
-    def estimate(self) -> Estimate:
+    def estimate(self) -> Estimate | None:
         """The estimate."""
+        if self._late_frames > 0:
+            self._late_frames -= 1
+            return None
         if self._estimate is None:
             self._estimate = self._task.run()
         return self._estimate
+
+
+class RecordedSolver:
+    """Solves in line, each as late as it was in the recorded flight: a replay takes over what the flight took over."""
+
+    __slots__ = ("_late_frames", "_started")
+
+    def __init__(self, late_frames: Mapping[int, int]) -> None:
+        """``late_frames``: number of frames that asked in vain, by the solve's number, from 1 in order of starts."""
+        self._late_frames, self._started = late_frames, 0
+
+    def __call__(self, task: SolveTask) -> InLineJob:
+        """Start a solve."""
+        self._started += 1
+        return InLineJob(task, self._late_frames.get(self._started, 0))
 
 
 class SmootherOptions(msgspec.Struct, frozen=True):
