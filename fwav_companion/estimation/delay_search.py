@@ -53,9 +53,10 @@ def search_delay(
     end = max(float(s.t[-1]), float(s.t[0]) + _KNOT_GAP_S)
     # One kernel, knots far apart and wide weights: only the delay counts here.
     problem = Problem(model, carrier, s, np.arange(float(s.t[0]) - 0.01, end + _KNOT_GAP_S + 0.1, _KNOT_GAP_S))
-    starts = [_Descent(problem, start, gap, known) for start, gap in _starts(model)]
-    for descent in starts:
-        descent.step()
+    starts: list[_Descent] = []
+    for start, gap in _starts(model):
+        starts.append(_Descent(problem, start, gap, known))  # in its piece: all together would be the largest one
+        starts[-1].step()
         yield
     costs = []
     for descent in starts:
