@@ -57,8 +57,11 @@ readout_s = 0.0               # a global shutter
 
 [uncertainty]                 # only the camera has errors
 attitude_bias_deg = 0.0
+heading_bias_deg = 0.0
 position_noise_m = 0.0
 position_bias_m = 0.0
+position_delay_sigma_s = 0.0
+lever_arm_sigma_m = 0.0
 height_noise_m = 0.1
 height_bias_m = 0.0
 time_offset_sigma_s = 0.05
