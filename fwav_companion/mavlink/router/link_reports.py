@@ -35,7 +35,8 @@ _KINDS: Final = (
     _Kind(
         NoticeCode.ID_CONFLICT,
         lambda port: port.id_conflict,
-        "another program on link {link!r} uses our ids ({count} frames; its reports are dropped): set component_id = 192",
+        "another program on link {link!r} uses our ids ({count} frames; its reports are dropped):"
+        " set component_id = 192",
     ),
     _Kind(
         NoticeCode.SIGNED_IN_THE_PAST,
