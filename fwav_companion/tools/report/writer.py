@@ -12,7 +12,7 @@ import msgspec
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
-from fwav_companion.on_disk import open_regular, write_page
+from fwav_companion.on_disk import open_regular, write_text
 from fwav_companion.recording.line_decoder import LinesRead, read_lines
 from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, SightingLine, TargetLine, header_of
 from fwav_companion.recording.truth import TruthPoint
@@ -88,7 +88,7 @@ class ReportWriter:
             notes=notes,
             recorded=recorded,
         )
-        return write_page(folder / "report.html", page(flight, diagnostics(self._lines)))
+        return write_text(folder / "report.html", page(flight, diagnostics(self._lines)))
 
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
@@ -105,7 +105,7 @@ def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[Tr
         if count
     ]
     differences = _differences(our_header.config, their_header.config)
-    return write_page(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
+    return write_text(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
