@@ -39,6 +39,12 @@ _KINDS: Final = (
         " set component_id = 192",
     ),
     _Kind(
+        NoticeCode.WRONG_SIGNATURE,
+        lambda port: port.refused_signatures,
+        "{count} frames on link {link!r} are signed with another key and were refused: give their sender the key of"
+        " [signing] key_file; or they are a forgery",
+    ),
+    _Kind(
         NoticeCode.SIGNED_IN_THE_PAST,
         lambda port: port.outdated,
         "{count} frames on link {link!r} are signed more than a minute in the past and were refused: set the sender's"
