@@ -42,7 +42,7 @@ def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Itera
     ``path``.
     """
     try:
-        with _opened(path, synced=synced, mode=mode) as file:
+        with _writable(path, synced=synced, mode=mode) as file:
             yield file
     except OSError as error:
         if error.filename is None:  # as for a full disk
@@ -51,7 +51,7 @@ def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Itera
 
 
 @contextmanager
-def _opened(path: Path, *, synced: bool, mode: int | None) -> Iterator[BinaryIO]:
+def _writable(path: Path, *, synced: bool, mode: int | None) -> Iterator[BinaryIO]:
     before = _status(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
         with path.open("wb") as file:

@@ -195,13 +195,13 @@ def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
     _silence("distributed", "asyncio")
     with dask.config.set(SETTINGS), ExitStack() as opened:
         try:
-            started = _started(opened, scheduler, count)
+            started = _connection(opened, scheduler, count)
         except (RuntimeError, CommClosedError):  # a nanny whose worker died; a worker that died while it was asked
             raise WorkersDiedError("a worker died while it started; is the memory too small?") from None
         yield started
 
 
-def _started(opened: ExitStack, scheduler: str, count: int | None) -> Workers:
+def _connection(opened: ExitStack, scheduler: str, count: int | None) -> Workers:
     if scheduler:
         client = opened.enter_context(_connected(scheduler))
     else:
