@@ -43,7 +43,7 @@ from fwav_companion.estimation.solve_schedule import SolveSchedule
 from fwav_companion.estimation.target_answers import target_answers
 from fwav_companion.estimation.target_pairs import near_pairs
 from fwav_companion.estimation.vehicle_path import VehiclePath
-from fwav_companion.estimation.wander import SMOOTH
+from fwav_companion.estimation.wander import FIRST_KERNEL
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.types.tracks import FinalPlace
 
@@ -80,7 +80,7 @@ class Estimator:
         self.kept: Sightings | None = None
         self._new: list[Sightings] = []
         self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
-        self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
+        self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), FIRST_KERNEL)
         self.live: LiveFilter | None = None
         self.solves = 0
         self._dropped: set[int] = set()

@@ -19,7 +19,7 @@ from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, attitude_shift, error_processes, in_solution
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import SMOOTH
+from fwav_companion.estimation.wander import FIRST_KERNEL
 
 LEAST_FRAMES = 4  # of a cluster that is a target
 _GATE2 = 9.0  # squared distance of a ground point from its cluster, by the covariance of both
@@ -37,7 +37,7 @@ def filter_before_solves(model: Model, carrier: Carrier, t: float) -> LiveFilter
 
     The delay may be as far off as the first search will look: else its sightings of one target would not meet.
     """
-    wanders = in_solution(error_processes(model, carrier, SMOOTH), carrier, t)
+    wanders = in_solution(error_processes(model, carrier, FIRST_KERNEL), carrier, t)
     level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
     mean = np.concatenate([model.priors.mean, np.zeros(_CURVED + 3)])
     sigma = model.priors.sigma.copy()

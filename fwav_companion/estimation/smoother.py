@@ -31,6 +31,7 @@ COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error 
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
 _SINK_SHARE, _LEAST_SHARE = 0.6, 0.05
 _LEAST_BRIDGE_WEIGHT = 1e-3
+CONTRADICTED = 3.0  # a kernel whose log likelihood is this far below the best: odds of 20 to 1
 CLOCK_GRAIN_S = 1e-3  # autopilot stamps are whole milliseconds
 
 Weigh = Callable[[Array], Array]
@@ -177,13 +178,14 @@ def judged_weights(
     return expected_weights(judge_sightings(problem, weighted, after))
 
 
-def likeliest_kernel(
+def likely_kernel(
     problem: Problem, state: State, kernel: WanderKernel, kernels: tuple[WanderKernel, ...]
 ) -> Generator[None, None, WanderKernel]:
-    """The kernel of greatest marginal likelihood; all are compared at one linearisation, that of `kernel`.
+    """The quickest kernel that the sightings do not contradict, at one linearisation, that of `kernel`.
 
-    The sightings weigh alike under all of them, as under the quickest: else a slow kernel would reject what contradicts
-    it. Yields after each kernel.
+    One that is slower than the wander claims too much, and in the first ten seconds the sightings seldom decide: mean
+    normalised squares of two numbers were 9. All sightings weigh alike under all kernels, as under the quickest: else a
+    slow one would reject what contradicts it. Yields after each kernel.
     """
     projection = problem.linearise(state, kernel)
     rows, quickest = sighting_rows(problem, projection), kernels[-1]
@@ -195,4 +197,5 @@ def likeliest_kernel(
         weighted = sighting_noise(problem, projection, k)._replace(weight=weight)
         found[k] = gauss_newton_step(problem, state, projection, weighted, k, rows, likelihood=True).log_likelihood
         yield
-    return max(found, key=found.__getitem__)
+    likely = max(found.values()) - CONTRADICTED
+    return [k for k in kernels if found[k] >= likely][-1]

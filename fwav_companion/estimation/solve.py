@@ -14,7 +14,7 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
 from fwav_companion.estimation.robust_weights import wide_weights
-from fwav_companion.estimation.smoother import iterate, likeliest_kernel, reported_unknowns
+from fwav_companion.estimation.smoother import iterate, likely_kernel, reported_unknowns
 from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKernel, at_times, place_knots
 from fwav_companion.estimation.whole_flight import even_knots
 
@@ -94,7 +94,7 @@ class SolveTask:
                 problem, state, kernel, wide_weights, most=_FIRST_ITERATIONS, enough=_ENOUGH
             )
         if self.compare_kernels:
-            kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels)
+            kernel = yield from likely_kernel(problem, state, kernel, self.kernels)
         most = _FIRST_FINE if first or self.whole_flight else _ITERATIONS
         state, step, weighted = yield from iterate(problem, state, kernel, None, most=most, enough=_ENOUGH)
         order, few = _best_seen_first(problem), np.arange(problem.shared_size)

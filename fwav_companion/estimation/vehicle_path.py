@@ -11,8 +11,16 @@ import math
 import numpy as np
 
 from fwav_companion.estimation.errors import Array
-from fwav_companion.estimation.path_axis import VELOCITY_NOISE, VELOCITY_SIGMA_M_S, PathAxis
-from fwav_companion.estimation.path_samples import CALM_S, POSITION, VELOCITY, PathBreak, PathNoise, PathSamples, chord
+from fwav_companion.estimation.path_axis import VELOCITY_NOISE, PathAxis
+from fwav_companion.estimation.path_samples import (
+    VELOCITY,
+    PathBreak,
+    PathNoise,
+    PathSamples,
+    chord,
+    fitted_samples,
+    fitted_velocities,
+)
 from fwav_companion.estimation.sample_buffer import SampleBuffer
 
 _LAG_S, _FRESH_S = 8.0, 1.5  # backward pass at every solve, and at every sample
@@ -21,6 +29,8 @@ _LONGEST_GAP_S = 2.0  # between two samples: the velocities do not bridge more
 _INNOVATION_SIGMAS, _INCREMENT_SIGMAS = 6.0, 4.0  # both must be exceeded by a step
 _MOST_BREAKS = 8  # each is one more constant of the error's prior
 _FIRST_STEP_S = 0.1
+_CERTAIN_SHARE = 3.0  # standard deviations of a correlation by chance, for one sample
+_SHARE_SAMPLES = 300  # newest velocities that show how much of their changes is motion
 _FIRST_ADAPTATION_S, _ADAPTATION_S = 0.3, 1.0
 
 
@@ -112,15 +122,19 @@ class VehiclePath:
         self.samples.smooth(min(len(self.samples.buffer), int(span_s / self.samples.step_s) + 2))
 
     def _find_motion_share(self) -> None:
-        t, values = self.samples.buffer.times[-600:], self.samples.buffer.values[:, -600:]
-        half = max(1, round(0.5 * CALM_S / self.samples.step_s))
-        if len(t) < 6 * half:
+        buffer = self.samples.buffer
+        t, velocity = buffer.times[-_SHARE_SAMPLES:], buffer.values[VELOCITY, -_SHARE_SAMPLES:]
+        reach = fitted_samples(self.samples.step_s)
+        if len(t) < 3 * reach:
             return
-        slow = (values[POSITION, 2 * half :] - values[POSITION, : -2 * half]) / (t[2 * half :] - t[: -2 * half])
-        squares = ((values[VELOCITY, half:-half] - slow) ** 2).mean(1)
-        squares[:2] = squares[:2].mean()
-        certain = (1.3 + 5 * math.sqrt(2 / len(t))) * VELOCITY_SIGMA_M_S**2
-        share = np.where(squares > certain, 1 - VELOCITY_SIGMA_M_S**2 / np.maximum(squares, 1e-12), 0.0)
+        slow = fitted_velocities(t, velocity, reach, self.samples.step_s)[:, :-reach]
+        fast = velocity[:, reach:-reach] - slow
+        # Motion that samples resolve is alike in two that follow each other; noise is not, nor is the heave of a wing
+        # beat, whose samples alternate: as motion it would be information on the delays.
+        squares, alike = (fast * fast).mean(1), (fast[:, 1:] * fast[:, :-1]).mean(1)
+        squares[:2], alike[:2] = squares[:2].mean(), alike[:2].mean()
+        share = alike / np.maximum(squares, 1e-12)
+        share[share < _CERTAIN_SHARE / math.sqrt(fast.shape[1])] = 0.0
         if self.samples.heights_lead:
             share[2] = 0.0
         self.samples.motion_share = share[:, None]

@@ -31,6 +31,7 @@ QUICK: Final = WanderKernel("quick", 0.0)
 KERNELS: Final = (
     SMOOTH, WanderKernel("8 s", 8.0), WanderKernel("3 s", 3.0), WanderKernel("1 s", 1.0), QUICK,
 )  # fmt: skip
+FIRST_KERNEL: Final = QUICK  # until the sightings contradict it
 _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the wander, too
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular

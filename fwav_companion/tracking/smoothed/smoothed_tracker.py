@@ -17,7 +17,7 @@ from fwav_companion.estimation.common_errors import common_errors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.solve import Estimate
-from fwav_companion.estimation.wander import SMOOTH
+from fwav_companion.estimation.wander import FIRST_KERNEL
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
@@ -71,7 +71,7 @@ the first one the answers are those of the live filter by the priors."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
 
-NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
+NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), FIRST_KERNEL)
 
 
 class SmoothedTracker:
