@@ -37,6 +37,9 @@ def linearise_pairs(live: LiveFilter, s: Sightings, detection: Ints, targets: In
     noise = common_noise(found, live.model.noise, own_noise)
     if own_noise is not None:
         noise = np.concatenate([noise, found.point * own_noise[[1, 1, 2]]], 1)
+    unmeasured_m = live.poses.motion(float(s.t[0])).unmeasured_m
+    if unmeasured_m > 0.0:
+        noise = np.concatenate([noise, found.point[:, :2] * unmeasured_m], 1)
     return LinearisedPairs(
         detection, targets, found.residual, found.visible, base, own, noise.swapaxes(1, 2), live.mean.copy(), places
     )

@@ -41,7 +41,9 @@ class FramePoses:
         carrier = self._carrier.as_in_time(t)
         last = min(t, carrier.path.newest)
         both = self._at(np.array([t - self._delay, last]), carrier)
-        self._carrier.motions.keep(t, ReportedMotion(last, both.position[:, 1], both.velocity[:, 1]))
+        unmeasured_m = float(carrier.path.unmeasured_m(np.array([t]))[0])
+        motion = ReportedMotion(last, both.position[:, 1], both.velocity[:, 1], unmeasured_m)
+        self._carrier.motions.keep(t, motion)
         return self._carrier.frames.keep((t, self._delay, self._shift), both.take(_FIRST))
 
     def motion(self, t: float) -> ReportedMotion:
@@ -51,7 +53,9 @@ class FramePoses:
             path = self._carrier.as_in_time(t).path
             last = min(t, path.newest)
             position, velocity, _ = path.at(np.array([last]))
-            found = self._carrier.motions.keep(t, ReportedMotion(last, position[:, 0], velocity[:, 0]))
+            unmeasured_m = float(path.unmeasured_m(np.array([t]))[0])
+            motion = ReportedMotion(last, position[:, 0], velocity[:, 0], unmeasured_m)
+            found = self._carrier.motions.keep(t, motion)
         return found
 
     def of(self, s: Sightings, detection: Ints, later_s: float = 0.0) -> Poses:

@@ -49,6 +49,7 @@ _UNEVEN = 1.2  # of the fit's span: samples do not come evenly
 _FIT_RIDGE = np.diag([0.0, 1e-6, 1e-6])  # one or two samples alone: a constant, a line
 ANOTHER_ACCURACY = 3.0
 """Ratio of two accuracies that are of different solutions of a receiver: with corrections, without, float."""
+UNMEASURED_M_S2 = 3.0  # one sigma of an acceleration: a small vehicle that banks at 17 degrees
 _LATE_S = 0.15  # a frame whose telemetry is further ahead is late, or is processed again
 _RECENT_S = 3.0  # of the telemetry that places a frame: rates and delays reach back for less
 _SMOOTHED_AGAIN = 120  # samples of a snapshot: twelve seconds at 10 Hz, some time constants
@@ -148,11 +149,16 @@ class PathSamples:
         piece = np.array([each.t for each in self.accuracies[1:]]).searchsorted(t, side="right")
         return piece, np.array([each.sigma_m for each in self.accuracies])[piece]
 
+    def unmeasured_m(self, t: Array) -> Array:
+        """One sigma (N,) m of north and east at instants (N,) for which the samples are late: the vehicle turns."""
+        late_s = np.maximum(t - self.newest - self.step_s, 0.0)
+        return np.asarray(0.5 * UNMEASURED_M_S2 * late_s * late_s)
+
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
-        Beyond the ends the cubic goes on for one gap between samples at most. It does not bridge a step of the report.
-        One sample alone goes on by its velocity.
+        Beyond the newest sample the cubic goes on for one gap between samples, then the velocity does; before the first
+        one only the cubic does. It does not bridge a step of the report. One sample alone goes on by its velocity.
         """
         times, values = self.buffer.times, self.buffer.values
         if len(times) == 1:
@@ -164,7 +170,7 @@ class PathSamples:
         s = (t - begin) / h
         p0, p1, v0, v1 = _hermite(np.minimum(np.maximum(s, -1.0), 2.0), h)
         velocities = a[3:] + np.minimum(np.maximum(s, 0.0), 1.0) * (b[3:] - a[3:])
-        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6]
+        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6] + b[3:6] * (np.maximum(s - 2.0, 0.0) * h)
         for step in self.breaks:  # the report has not stepped yet: on by the velocity
             between = (t > step.before) & (t < step.after)
             if between.any():

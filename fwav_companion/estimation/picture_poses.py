@@ -100,6 +100,10 @@ class PicturePath(PathSamples):
         other.buffer, other.accuracies = self.buffer.copy(span), list(self.accuracies)
         return other
 
+    def unmeasured_m(self, t: Array) -> Array:
+        """Zero (N,): a picture's own errors are those of its row."""
+        return np.zeros(len(t))
+
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and calm velocity, each (3, N), at instants (N,)."""
         position = self.buffer.values.take(nearest(self.buffer.times, t), 1)

@@ -133,7 +133,8 @@ class Problem:
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
             # The frame's own position error is about the line, too.
             _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
-            variance = level.bridge(gap, self.part) + own**2
+            late_m = self.carrier.path.unmeasured_m(self.s.t)
+            variance = level.bridge(gap, self.part) + own**2 + late_m**2
             if self.pieces is not None:
                 variance = variance + level.bridge_of_pieces(gap, self.part, self.left, self.pieces)
             level_sigma = np.sqrt(variance)

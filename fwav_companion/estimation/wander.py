@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.path_samples import PathBreak
+from fwav_companion.estimation.path_samples import UNMEASURED_M_S2, PathBreak
 
 
 class WanderKernel(NamedTuple):
@@ -38,7 +38,6 @@ _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
 _KEPT = np.ones(3)
 _LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6  # of an error without a wander, and after the longest gap
-_UNMEASURED_M_S2 = 3.0  # a small vehicle that banks at 17 degrees
 _LEAST_JUMP_M = 0.1  # one sigma of a jump at least: steps of the format, and reports of one instant that differ
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
@@ -168,7 +167,7 @@ def jump_variance(b: PathBreak, noise_m: float) -> float:
     """
     if b.jump is None:
         return step_variance(b)
-    moved_m = _UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
+    moved_m = UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
     return 2.0 * noise_m**2 + moved_m**2 + _LEAST_JUMP_M**2
 
 

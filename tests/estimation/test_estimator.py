@@ -169,9 +169,9 @@ def test_error_of_a_target_out_of_view_ages_alike_in_many_steps_and_in_one():
     planted = Planted(TURNS, wander_m=1.0, position_noise_m=0.05)
     live = flown(planted, priors()).live
     steps, whole = live.copy(), live.copy()
-    for k in range(200):
+    for k in range(300):
         steps.predict(live.t + 0.1 * (k + 1))
-    whole.predict(live.t + 20.0)
+    whole.predict(live.t + 30.0)
     e = np.ix_(live.errors, live.errors)
     assert steps.covariance[e] == pytest.approx(whole.covariance[e], rel=1e-6)
     assert whole.covariance[e][0, 0] > live.covariance[e][0, 0] + 0.03

@@ -46,3 +46,15 @@ def test_noise_of_the_smoothed_path_is_what_it_claims_at_any_rate(rate_hz):
         path, t = flown(rate_hz, seed)
         squares.append(np.mean((path.at(t)[0][:2] - circles(t)[0][:2]) ** 2))
     assert np.sqrt(np.mean(squares)) == pytest.approx(path.noise.level[0], rel=0.25)
+
+
+def test_position_whose_samples_are_late_goes_on_by_its_velocity_and_says_how_well_it_is_known():
+    """A circle leaves its tangent: by 0.6 m in a second."""
+    path, _ = flown(10, seed=1)
+    t = path.newest + np.array([0.05, 0.5, 1.0])
+    off = np.hypot(*(path.at(t)[0] - circles(t)[0])[:2])
+    sigma_m = path.unmeasured_m(t)
+    assert off[0] < 0.1
+    assert sigma_m[0] == 0.0, "within a gap between samples"
+    assert (off < 0.1 + sigma_m).all()
+    assert off[2] < 0.8
