@@ -1,8 +1,8 @@
 """The position's error in time: kernels of its wander, its knots, and its variance between two knots.
 
 The error (north, east, up; reported minus true) is the receiver's wander plus what the smoothing of the path left of
-the white noise. How rough the wander is cannot be known before the flight: several kernels are compared by the marginal
-likelihood of the sightings (Rasmussen & Williams 2006, ch. 5).
+the white noise. How rough the wander is cannot be known before the flight: it is the quickest of several kernels that
+the sightings do not contradict, by their marginal likelihood (Rasmussen & Williams 2006, ch. 5).
 
 A receiver that gains or loses corrections changes its solution. The error is then the wander of the best solution of
 the flight, plus another one of the same kernel while the solution is worse, independent of those of other pieces.
