@@ -31,7 +31,7 @@ COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error 
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
 _SINK_SHARE, _LEAST_SHARE = 0.6, 0.05
 _LEAST_BRIDGE_WEIGHT = 1e-3
-CONTRADICTED = 3.0  # a kernel whose log likelihood is this far below the best: odds of 20 to 1
+CONTRADICTED = 1.0  # a kernel whose log likelihood is this far below the best: odds of 3 to 1
 CLOCK_GRAIN_S = 1e-3  # autopilot stamps are whole milliseconds
 
 Weigh = Callable[[Array], Array]
