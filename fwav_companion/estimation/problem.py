@@ -33,6 +33,7 @@ from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
 _LEAST_SURVEY_WEIGHT = 1e-9
+_FAR_SURVEY_SIGMAS = 10.0  # of the receiver
 _FOOT_ROUNDS, _SAME_LEVEL_M = 4, 0.1  # rays meet the ground's level at their feet, on a slope after a few rounds
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
@@ -150,7 +151,7 @@ class Problem:
             level_precision, level_det = level.precision(self.knots, breaks, self.pieces)
             up_precision, up_det = up.precision(self.knots, breaks)
             p = np.zeros((self.size, self.size))
-            p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._target_precision])
+            p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._precision_of_targets()])
             for axis, precision in enumerate((level_precision, level_precision, up_precision)):
                 p[o + axis :: 3, o + axis :: 3] = precision
             self._prior[kernel] = p, 2.0 * level_det + up_det
@@ -175,11 +176,27 @@ class Problem:
         weight = np.maximum(self.survey_weight, _LEAST_SURVEY_WEIGHT)
         distance2 = leave_one_out_distance2(off / sigma, known, unit, weight)
         before, self.survey_weight = self.survey_weight, survey_weights(distance2, self.survey_weight)
-        weighted = precision.copy()
-        weighted[:, :2] = np.maximum(precision[:, :2] * self.survey_weight[:, None], UNKNOWN_TARGET.precision()[:2])
+        index = np.arange(self.shared_size, self.errors_at)
         for p, _ in self._prior.values():
-            p[rows.ravel(), rows.ravel()] = weighted.ravel()
+            p[index, index] = self._precision_of_targets()
         return float(np.abs(self.survey_weight - before).max()) < HALF
+
+    def leave_out_far_surveys(self, state: State) -> None:
+        """Begin without the surveys that are far from the places to start from: a fit judges whether they count.
+
+        One that is off by 25 sigmas of the receiver would bend the first fit so far that every sighting looks false.
+        """
+        off = (state.targets - self.target_mean)[self._surveys, :2]  # (L, 2)
+        survey = self._target_precision.reshape(-1, TARGET_SIZE)[self._surveys, 0]  # (L,)
+        variance = self.model.noise.position_wander_m**2 + 1.0 / survey
+        self.survey_weight = np.where((off * off).sum(1) < _FAR_SURVEY_SIGMAS**2 * variance, 1.0, 0.0)
+
+    def _precision_of_targets(self) -> Array:
+        """Precision (3 T,) of the targets' priors; surveys by their robust weights."""
+        precision = self._target_precision.copy().reshape(-1, TARGET_SIZE)
+        weighted = precision[self._surveys, :2] * self.survey_weight[:, None]
+        precision[self._surveys, :2] = np.maximum(weighted, UNKNOWN_TARGET.precision()[:2])
+        return precision.ravel()
 
     def surveys(self) -> dict[int, float]:
         """The weight of each survey by its target's number."""
@@ -236,19 +253,23 @@ class Problem:
         return np.asarray(share[left] * (poses.position[:2] - self.bridge[:2] - chord))
 
     def first_targets(self, shared: Array, errors: Array, known: Mapping[int, Array]) -> Array:
-        """Targets (T, 3) to start from: known ones, surveys, else the median of the rays' ground points."""
+        """Targets (T, 3) to start from: known ones, else the median of the rays' ground points.
+
+        Also landmarks: from a survey that is wrong by many sigmas, each of its sightings would look false.
+        """
         targets = self.target_mean.copy()
         unknown = []
         for i, k in enumerate(self.ids.tolist()):
             if k in known:
                 targets[i] = known[k]
-            elif not self.model.target(k).surveyed:
+            else:
                 unknown.append(i)
         if unknown:
             error, poses = self.error_at_sightings(errors), self.poses(shared)
             ground: Array = self.model.ground.height(poses.position[:2, :1])[0]  # below the vehicle
             for _ in range(_FOOT_ROUNDS):
-                place, _ = feet(poses, self.s.rays, shared, error, ground)
+                height = ground + targets[:, 2].take(self.of_target)
+                place, _ = feet(poses, self.s.rays, shared, error, height)
                 for i in unknown:
                     targets[i, :2] = np.median(place[:, self.of_target == i], axis=1)
                 before, ground = ground, self.model.ground.height(targets[:, :2].T)[0].take(self.of_target)

@@ -88,6 +88,7 @@ class SolveTask:
         problem = Problem(self.model, self.carrier, self.kept, knots)
         errors = at_times(knots, start.knots, start.errors)
         state = State(start.shared, problem.first_targets(start.shared, errors, start.targets), errors)
+        problem.leave_out_far_surveys(state)
         kernel, first = start.kernel, start.delay_sigma_s is None
         if first:
             state, _, _ = yield from iterate(
