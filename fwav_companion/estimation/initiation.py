@@ -38,7 +38,8 @@ def filter_before_solves(model: Model, carrier: Carrier, t: float) -> LiveFilter
     The delay may be as far off as the first search will look: else its sightings of one target would not meet.
     """
     wanders = in_solution(error_processes(model, carrier, FIRST_KERNEL), carrier, t)
-    level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
+    unsettled = carrier.path.unsettled(t)
+    level, up = (float(w.covariance(np.zeros(1))[0]) + more for w, more in zip(wanders, unsettled, strict=True))
     mean = np.concatenate([model.priors.mean, np.zeros(_CURVED + 3)])
     sigma = model.priors.sigma.copy()
     if not model.consider:

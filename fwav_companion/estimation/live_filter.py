@@ -101,6 +101,7 @@ class LiveFilter:
         if keep.min() < 1.0:
             self._fade(e, keep)
         self.covariance[e, e] += added
+        self._settle(t)
         self._change_solution(t)
         self.version += 1
         if self.carrier.path.breaks:
@@ -110,6 +111,15 @@ class LiveFilter:
             self._stepped_s = max([b.after for b in self.carrier.path.breaks if b.after <= t], default=self._stepped_s)
         self.others.predict(t - self.t)
         self.t = t
+
+    def _settle(self, t: float) -> None:
+        """Add by how much the path's first samples until t move it."""
+        path = self.carrier.path
+        if path.settling and self.t < path.settling[-1].t:
+            (level, up), (level_now, up_now) = path.unsettled(self.t), path.unsettled(t)
+            self.covariance[self.errors, self.errors] += np.maximum(
+                0.0, [level - level_now, level - level_now, up - up_now]
+            )
 
     def _fade(self, errors: Ints, keep: Array) -> None:
         """Multiply errors (k,), and their covariances with everything, by factors (k,)."""

@@ -71,6 +71,12 @@ class PathAxis:
         values.reverse()
         return values
 
+    def unsettled(self, step_s: float) -> float:
+        """Variance (m^2) of the newest filtered value beyond that of a long path."""
+        grown = self.process_noise * step_s
+        settled = 0.5 * (math.sqrt(grown * (grown + 4.0 * self.r)) - grown)
+        return max(0.0, self.filtered[-1][1] - settled)
+
     def remaining_noise(self, step_s: float) -> tuple[float, float]:
         """Standard deviation (m) and correlation time (s) of the smoothed coordinate's error.
 

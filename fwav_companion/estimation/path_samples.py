@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -42,6 +43,18 @@ class PathNoise(NamedTuple):
     up: tuple[float, float]  # m, s
 
 
+class Settling(NamedTuple):
+    """Variances of the path's filters at one of their first samples, beyond those of a long path."""
+
+    t: float  # s
+    level: float  # m^2
+    up: float  # m^2
+
+    def at(self) -> float:
+        """Its instant, s."""
+        return self.t
+
+
 CALM_S = 1.25  # half of the span of a fit to the velocities: a turn of 0.7 rad/s is less than 1 % off at its middle
 POSITION, VELOCITY, CALM = slice(0, 3), slice(3, 6), slice(6, 9)
 _LEAST_FITTED = 2  # samples on each side, where they are slow
@@ -66,6 +79,7 @@ class PathSamples:
     noise: PathNoise
     accuracies: list[Accuracy] = field(default_factory=list)  # in order of time; empty: as configured
     axes: Sequence[PathAxis] = ()  # the filters of north, east and height behind the smoothed ones
+    settling: list[Settling] = field(default_factory=list)  # in order of time, of the present piece
     step_s: float = 0.1  # between two samples
     motion_share: Array = field(default_factory=lambda: np.zeros((3, 1)))  # of the velocities about the calm ones
 
@@ -86,6 +100,7 @@ class PathSamples:
     def copy(self, span: Span = ALL) -> PathSamples:
         """A snapshot of a span of time, smoothed by nothing that is later."""
         other = replace(self, buffer=self.buffer.copy(span), breaks=list(self.breaks), accuracies=list(self.accuracies))
+        other.settling = list(self.settling)
         later = len(self.buffer) - self.buffer.count_until(span.until)
         if later and len(other.buffer):
             other.smooth(min(len(other.buffer), _SMOOTHED_AGAIN), later)
@@ -127,6 +142,14 @@ class PathSamples:
         slow = fitted_velocities(self.buffer.times, values[VELOCITY], start, self.step_s)
         values[CALM, start:] = slow + self.motion_share * (values[VELOCITY, start:] - slow)
 
+    def unsettled(self, t: float) -> tuple[float, float]:
+        """Variances (m^2) of north and east, and of up, by which the path is worse at t than a long one.
+
+        The first sample has its whole noise, and each one more moves the path by what it improves it.
+        """
+        i = bisect_right(self.settling, t, key=Settling.at) - 1
+        return (self.settling[i].level, self.settling[i].up) if i >= 0 else (0.0, 0.0)
+
     def add_accuracy(self, t: float, sigma_m: float) -> None:
         """Take the receiver's accuracy: a small change widens what has been claimed, a large one begins a new piece."""
         pieces = self.accuracies
@@ -157,8 +180,9 @@ class PathSamples:
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
-        Beyond the newest sample the cubic goes on for one gap between samples, then the velocity does; before the first
-        one only the cubic does. It does not bridge a step of the report. One sample alone goes on by its velocity.
+        Beyond the ends the position goes on by the velocity there, north and east for one gap with its acceleration: a
+        turn goes on, a wing's heave does not, which a cubic carries on by twice its size. It does not bridge a step of
+        the report. One sample alone goes on by its velocity.
         """
         times, values = self.buffer.times, self.buffer.values
         if len(times) == 1:
@@ -167,10 +191,13 @@ class PathSamples:
         i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
         a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
         h = times.take(i + 1) - begin
-        s = (t - begin) / h
-        p0, p1, v0, v1 = _hermite(np.minimum(np.maximum(s, -1.0), 2.0), h)
-        velocities = a[3:] + np.minimum(np.maximum(s, 0.0), 1.0) * (b[3:] - a[3:])
-        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6] + b[3:6] * (np.maximum(s - 2.0, 0.0) * h)
+        s = np.minimum(np.maximum((t - begin) / h, 0.0), 1.0)
+        p0, p1, v0, v1 = _hermite(s, h)
+        velocities = a[3:] + s * (b[3:] - a[3:])
+        beyond = t - begin - s * h
+        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6] + beyond * velocities[:3]
+        turn = np.minimum(np.maximum(beyond, -h), h)
+        position[:2] += turn * (beyond - 0.5 * turn) / h * (b[3:5] - a[3:5])
         for step in self.breaks:  # the report has not stepped yet: on by the velocity
             between = (t > step.before) & (t < step.after)
             if between.any():

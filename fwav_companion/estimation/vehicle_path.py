@@ -17,6 +17,7 @@ from fwav_companion.estimation.path_samples import (
     PathBreak,
     PathNoise,
     PathSamples,
+    Settling,
     chord,
     fitted_samples,
     fitted_velocities,
@@ -31,6 +32,7 @@ _MOST_BREAKS = 8  # each is one more constant of the error's prior
 _FIRST_STEP_S = 0.1
 _CERTAIN_SHARE = 3.0  # standard deviations of a correlation by chance, for one sample
 _SHARE_SAMPLES = 300  # newest velocities that show how much of their changes is motion
+_SETTLED_SHARE = 1e-3  # of a sample's variance, below which a filter's is that of a long path
 _FIRST_ADAPTATION_S, _ADAPTATION_S = 0.3, 1.0
 
 
@@ -68,6 +70,7 @@ class VehiclePath:
             self._climbed_m += increments[2]
         for axis, z in zip(self._axes, place, strict=True):
             axis.update(z)
+        self._settle_at(t, is_new=broken or not self._last_place)
         self._heights.append(t, (place[2], self._climbed_m, float(broken)))
         self.samples.buffer.append(t, (*place, *v, *v))
         self._last_place, self._last_velocity = place, v
@@ -86,6 +89,17 @@ class VehiclePath:
             and abs(z - before - moved) > _INCREMENT_SIGMAS * math.sqrt(2 * axis.r + 0.0025)
             for axis, z, before, moved in axes
         )
+
+    def _settle_at(self, t: float, *, is_new: bool) -> None:
+        """Keep how far the filters are from settled; is_new: the sample begins a piece."""
+        settling, step_s = self.samples.settling, self.samples.step_s
+        if is_new:
+            settling.clear()
+        elif not settling[-1].level and not settling[-1].up:
+            return
+        level, up = (self._axes[i].unsettled(step_s) for i in (0, 2))
+        is_settled = level < _SETTLED_SHARE * self._axes[0].r and up < _SETTLED_SHARE * self._axes[2].r
+        settling.append(Settling(t, 0.0, 0.0) if is_settled else Settling(t, level, up))
 
     def _break(self, before: float, after: float, place: list[float], jump: tuple[float, float] | None) -> None:
         # The smoothing must not bridge a reset: it would bend seconds of the path.
