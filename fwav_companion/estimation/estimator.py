@@ -105,6 +105,10 @@ class Estimator:
         """Add a rangefinder's reading with the beam's foot, m north and east; False: left out."""
         return self.carrier.ranges.append(reading, foot)
 
+    def add_size(self, reading: RangeReading, foot: tuple[float, float]) -> bool:
+        """Add the camera's height above the ground at a tag by its size, with the tag's place; False: left out."""
+        return self.carrier.sizes.append(reading, foot)
+
     def add_position(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
         """Add north, east, height (m) and their rates; reset: the report begins a new piece. False: left out."""
         return self._path.append(t, position, velocity, reset=reset)
@@ -209,8 +213,6 @@ class Estimator:
         self._dropped.add(target)
         if self.live is not None:
             self.live.forget(target)
-
-    # Solves.
 
     def is_solve_due(self, now: float) -> bool:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""

@@ -1,12 +1,13 @@
 """Extended Kalman filter between two solves (Jazwinski 1970): shared parameters, targets, the error now.
 
 It starts at every solve's mean and covariance, so its linearisation errors do not add up. The shared parameters are
-considered (Schmidt 1966): solves alone estimate them. A frame's derivative by the height or a delay contains the path's
-noise, an error in the variables (Fuller 1987) that a recursive update turns into information: in a hover at 1 m the
-height moved by 0.9 m in four seconds, claimed to 0.1 m, and every solve moved it back. Targets beyond the first ten are
-Schmidt states, too: each has a mean, a covariance and a covariance with the rest, is updated by its own sightings,
-moves when the rest moves, and does not teach. The cost is linear in their number. A new target, also one that moves
-(``moving``), begins as such a state by its first sighting (``SchmidtTargets``).
+considered (Schmidt 1966): solves alone estimate them, but for the height's constant error by the sizes of tags. A
+frame's derivative by the height or a delay contains the path's noise, an error in the variables (Fuller 1987) that a
+recursive update turns into information: in a hover at 1 m the height moved by 0.9 m in four seconds, claimed to 0.1 m,
+and every solve moved it back. Targets beyond the first ten are Schmidt states, too: each has a mean, a covariance and a
+covariance with the rest, is updated by its own sightings, moves when the rest moves, and does not teach. The cost is
+linear in their number. A new target, also one that moves (``moving``), begins as such a state by its first sighting
+(``SchmidtTargets``).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fwav_companion.estimation.errors import POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.errors import HEIGHT, POSITION_DELAY, Array, Ints
 from fwav_companion.estimation.frame_linearisation import linearise_pairs
 from fwav_companion.estimation.frame_poses import FramePoses
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, LinearisedPairs, pair_distances
@@ -25,6 +26,7 @@ from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
+from fwav_companion.estimation.range_readings import RangeReadings
 from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.wander import ErrorAgeing, Wander, jumps
 
@@ -60,7 +62,7 @@ class LiveFilter:
         self._seen_t = t  # s, of the newest sighting or reading that corrected the error
         self._wander_as(in_solution(wanders, carrier, t))
         self._stepped_s = t  # of the newest step of the report that is taken
-        self._reading_t = t  # s, of the newest reading of the rangefinder that is used
+        self._reading_t = {False: t, True: t}  # s, of the newest reading that is used: a rangefinder's, a tag's size
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self.version = 0  # grows with every change of means or covariances
         self.poses = FramePoses(carrier, self.mean[: self.size])
@@ -111,6 +113,7 @@ class LiveFilter:
             self._stepped_s = max([b.after for b in self.carrier.path.breaks if b.after <= t], default=self._stepped_s)
         self.others.predict(t - self.t)
         self.t = t
+        self._update_by_height(self.carrier.sizes)  # before the frame's pairs: a target is seen from this height
 
     def _settle(self, t: float) -> None:
         """Add by how much the path's first samples until t move it."""
@@ -237,7 +240,7 @@ class LiveFilter:
         early, late = self.t - BREAK_MARGIN_S, self.t + BREAK_MARGIN_S
         if any(b.before < late and early < b.after for b in self.carrier.path.breaks):
             return
-        self._update_by_range()
+        self._update_by_height(self.carrier.ranges)
         frame, pairs = self._frame, None
         if frame is not None and frame[0] is s:
             pairs = frame[1].of(detection, targets)
@@ -261,31 +264,46 @@ class LiveFilter:
             elif len(use):
                 self._update_others(found, part, use)
 
-    def _update_by_range(self) -> None:
-        """Take the newest reading of a rangefinder, at most a few in a second: they see the same ground again."""
-        found = self.carrier.ranges.newest(self._reading_t + _READING_GAP_S, self.t)
+    def _update_by_height(self, source: RangeReadings) -> None:
+        """Take the newest reading of the height, at most a few in a second: they see the same ground again.
+
+        A tag's size also corrects the height's constant error: without it a camera whose barometer is a metre off is
+        below the ground where it lands, and sees nothing. Its readings have no gate: a pad's tags agree already.
+        """
+        found = source.newest(self._reading_t[source.of_targets] + _READING_GAP_S, self.t)
         if found is None:
             return
         reading, foot = found
-        self._reading_t = reading.t
+        self._reading_t[source.of_targets] = reading.t
         position, velocity, calm = (a[:, 0] for a in self.carrier.path.at(np.array([reading.t])))
         h = np.zeros((1, len(self.mean)))
         h[0, POSITION_DELAY], h[0, self.error + 2] = calm[2], -1.0
         ground, _ = self.model.ground.height(foot[:, None])
         predicted = position[2] + velocity[2] * self.mean[POSITION_DELAY] - self.mean[self.error + 2] - ground[0]
-        variance = reading.sigma_m**2 + self.model.noise.roughness_m**2
+        variance = reading.sigma_m**2 + reading.shared_m**2
+        if source.of_targets:
+            h[0, HEIGHT] = -1.0
+            predicted -= self.mean[HEIGHT]
+        else:
+            variance += self.model.noise.roughness_m**2
         s = h @ self.covariance @ h.T + variance
         residual = np.array([reading.height_m - predicted])
-        if float(residual[0]) ** 2 < _READING_GATE2 * float(s[0, 0]):
-            self._correct(h, s, residual)
+        if source.of_targets or float(residual[0]) ** 2 < _READING_GATE2 * float(s[0, 0]):
+            self._correct(h, s, residual, of_height=source.of_targets)
 
-    def _correct(self, h: Array, s: Array, r: Array) -> None:
-        """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,)."""
+    def _correct(self, h: Array, s: Array, r: Array, *, of_height: bool = False) -> None:
+        """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,).
+
+        of_height: the height's constant error, too.
+        """
         self._change()
         self._seen_t = self.t
         carried = self.covariance @ h.T  # (n, m)
         gain = np.linalg.solve(s, carried.T).T
+        of_constant = gain[HEIGHT].copy()
         gain[: self.size] = 0.0
+        if of_height:
+            gain[HEIGHT] = of_constant
         self.mean = self.mean + gain @ r
         # Joseph's form (Bucy & Joseph 1968) in full: right also for the rows of a gain that were set to zero.
         left = gain @ carried.T

@@ -251,7 +251,7 @@ class Carrier:
         self.path, self.body, self.gimbal = path, attitudes, gimbal
         self.attitudes = attitudes if gimbal is None else gimbal
         self.yaw_from_north = False  # the gimbal's attitudes: about north instead
-        self.ranges = RangeReadings()
+        self.ranges, self.sizes = RangeReadings(), RangeReadings(of_targets=True)
         self.frames: FrameCache[Poses] = FrameCache()
         self.motions: FrameCache[ReportedMotion] = FrameCache()
         self._motion_shares: dict[bool, Array] = {}  # of the body's rates, of the gimbal's
@@ -260,9 +260,15 @@ class Carrier:
         """A snapshot of a span of time, as a frame captured at its end has it in time."""
         gimbal = None if self.gimbal is None else self.gimbal.copy(span)
         other = Carrier(self.body.copy(span), self.path.copy(span), gimbal=gimbal)
-        other.ranges, other.yaw_from_north = self.ranges.copy(span), self.yaw_from_north
+        other.ranges, other.sizes = self.ranges.copy(span), self.sizes.copy(span)
+        other.yaw_from_north = self.yaw_from_north
         other._motion_shares = dict(self._motion_shares)
         return other
+
+    @property
+    def height_readings(self) -> tuple[RangeReadings, RangeReadings]:
+        """Readings of the height by a rangefinder, and by the sizes of tags."""
+        return self.ranges, self.sizes
 
     @property
     def ready(self) -> bool:
@@ -301,7 +307,8 @@ class Carrier:
         self.body.keep_near(instants, margin_s)
         if self.gimbal is not None:
             self.gimbal.keep_near(instants, margin_s)
-        self.ranges.keep_near(instants, margin_s)
+        for source in self.height_readings:
+            source.keep_near(instants, margin_s)
 
     def rates(self, t: Array, shift: float = 0.0, unseen_rad: float = 0.0) -> CarrierRates:
         """Rates at many instants (N,): the slow ones, and of the fast ones what is motion.

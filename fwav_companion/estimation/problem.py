@@ -106,8 +106,13 @@ class Problem:
             best_m = min(each.sigma_m for each in carrier.path.accuracies)
             self.pieces = Pieces(piece, sigma**2 - best_m**2)
         self.readings: UsedReadings | None = None
-        if len(carrier.ranges):
-            self.readings = carrier.ranges.used(knots, carrier.path.breaks, model.noise.roughness_m)
+        found = [
+            source.used(knots, carrier.path.breaks, 0.0 if source.of_targets else model.noise.roughness_m)
+            for source in carrier.height_readings
+            if len(source)
+        ]
+        if found:
+            self.readings = UsedReadings.joined(found)
         priors = [model.target(k) for k in self.ids.tolist()]
         self.target_mean = np.array([p.mean() for p in priors]).reshape(-1, TARGET_SIZE)
         self._target_precision = np.concatenate([p.precision() for p in priors]) if priors else np.zeros(0)
@@ -121,6 +126,11 @@ class Problem:
         self._rates: tuple[float, CarrierRates] | None = None
         self._noise: dict[WanderKernel, ErrorNoise] = {}
         self._prior: dict[WanderKernel, tuple[Array, float]] = {}
+
+    @property
+    def shows_height(self) -> bool:
+        """Whether the size of a tag shows the height's constant error."""
+        return self.readings is not None and bool(self.readings.of_target.any())
 
     def wanders(self, kernel: WanderKernel) -> tuple[Wander, Wander]:
         """Processes of the error: north and east, and up."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fwav_companion.estimation.delay_search import DelayMode, search_delay
-from fwav_companion.estimation.errors import CAMERA_DELAY, Array, Ints
+from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, Array, Ints
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
@@ -107,7 +107,8 @@ class SolveTask:
         covariance = step.covariance[now[:, None], now]
         delay_sigma_s = float(covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5
         if self.model.consider:
-            mean, covariance = self._considered(mean, covariance)
+            held = few if not problem.shows_height else np.delete(few, HEIGHT)
+            mean, covariance = self._considered(mean, covariance, held)
         count = np.bincount(problem.of_target, minlength=len(problem.ids))
         weights = np.bincount(problem.of_target, weighted.weight, len(problem.ids)) / np.maximum(count, 1)
         ids = problem.ids.tolist()
@@ -118,17 +119,18 @@ class SolveTask:
             dict(zip(ids, weights.tolist(), strict=True)), modes, problem.surveys(),
         )  # fmt: skip
 
-    def _considered(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
-        """Mean (m,) and covariance (m, m) with the shared parameters considered (Schmidt 1966), at their priors.
+    def _considered(self, mean: Array, covariance: Array, held: Ints) -> tuple[Array, Array]:
+        """Mean (m,) and covariance (m, m) with shared parameters (h,) considered (Schmidt 1966), at their priors.
 
         Places and errors keep their marginal estimates, for which the parameters' effect is noise that all sightings
         have in common: held in the solve as well, the position's error would absorb it (a target was 1.2 m off). An
         estimate's error is independent of what the sightings show of the parameters, so its covariance with them stays
-        that of the joint estimate, while they are off by their whole priors.
+        that of the joint estimate, while they are off by their whole priors. A height that the size of a tag shows is
+        a measurement of this flight, not a calibration: it is not among the held ones.
         """
         priors, mean, covariance = self.model.priors, mean.copy(), covariance.copy()
-        mean[: len(priors)] = priors.mean
-        covariance[: len(priors), : len(priors)] = np.diag(priors.sigma**2)
+        mean[held] = priors.mean[held]
+        covariance[held[:, None], held] = np.diag(priors.sigma[held] ** 2)
         return mean, covariance
 
     def _knots(self) -> Array:

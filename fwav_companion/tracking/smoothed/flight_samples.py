@@ -84,14 +84,16 @@ class FlightSamples:
         self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
         self._first_ns: BootNs | None = None
 
-    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:  # noqa: ARG002
-        """Hand over what came since. ``reference``: the source of heights."""
+    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:
+        """Hand over what came since. ``reference``: the source of heights. ``view``: the frame, whose tags show one."""
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(self._clock.seconds(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
             self._first_ns = self._first_ns or sample.boot_ns
         if self._has_gimbal:
             self._feed_gimbal(estimator)
+        if view is not None:
+            self._feed_sizes(estimator, view)
         if self._relative:
             self._feed_heights(estimator, reference)
             return
@@ -181,6 +183,19 @@ class FlightSamples:
         if self.level_m is None:
             self.level_m = -position[2] - depth_m
         estimator.add_range(RangeReading(self._clock.seconds(sample.boot_ns), depth_m - lever_down_m, sigma_m), foot)
+
+    def _feed_sizes(self, estimator: Estimator, view: FrameView) -> None:
+        """Add the height by the tag of a frame whose size shows it best, where the fix is by it, too."""
+        best: tuple[RangeReading, tuple[float, float]] | None = None
+        for fix in view.fixes:
+            sighting, size = fix.sighting, fix.sighting.size_height
+            if size is None or fix.best_height_m is None or (best is not None and best[0].sigma_m <= size.noise_m):
+                continue
+            shared_m = hypot(size.scale_sigma * size.height_m, sighting.anchor_sigma_m)
+            height_m, t = size.height_m + sighting.anchor_height_m, self._clock.seconds(sighting.boot_ns)
+            best = RangeReading(t, height_m, size.noise_m, shared_m), (fix.position_ned[0], fix.position_ned[1])
+        if best is not None:
+            estimator.add_size(*best)
 
     def _feed_gimbal(self, estimator: Estimator) -> None:
         """Add the gimbal's attitudes in steps that are finer than its reports, interpolated as it turns: evenly.

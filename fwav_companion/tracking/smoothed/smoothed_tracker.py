@@ -33,7 +33,7 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     surface_of,
     target_height,
 )
-from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_receiver
+from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_receiver, follow_sizes
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, sightings_of
 from fwav_companion.tracking.smoothed.picture_samples import PictureSamples
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
@@ -221,6 +221,7 @@ class SmoothedTracker:
         reference = self._ground()
         self._samples.feed(estimator, reference, view)
         follow_ground(state, reference, self._samples.level_m)
+        follow_sizes(state)
         taken_over = self._take_over(t)
         follow_receiver(state, view, t, STAMP_SIGMA_S)
         if not self._begins(t) or estimator.live is None:
