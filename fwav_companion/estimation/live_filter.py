@@ -113,7 +113,8 @@ class LiveFilter:
             self._stepped_s = max([b.after for b in self.carrier.path.breaks if b.after <= t], default=self._stepped_s)
         self.others.predict(t - self.t)
         self.t = t
-        self._update_by_height(self.carrier.sizes)  # before the frame's pairs: a target is seen from this height
+        if self.carrier.sizes.began:  # before the frame's pairs: a target is seen from this height
+            self._update_by_height(self.carrier.sizes)
 
     def _settle(self, t: float) -> None:
         """Add by how much the path's first samples until t move it."""

@@ -60,6 +60,8 @@ class RangeReadings:
     def __init__(self, samples: SampleBuffer | None = None, *, of_targets: bool = False) -> None:
         """of_targets: by the sizes of tags."""
         self._samples, self.of_targets = samples or SampleBuffer(5), of_targets
+        self.began = len(self._samples) > 0
+        """Whether there was a reading: each frame asks, so this is no call."""
 
     def __len__(self) -> int:
         return len(self._samples)
@@ -72,6 +74,7 @@ class RangeReadings:
         if len(self._samples) and reading.t <= self._samples.times[-1]:
             return False
         self._samples.append(reading.t, values)
+        self.began = True
         return True
 
     def copy(self, span: Span = ALL) -> RangeReadings:

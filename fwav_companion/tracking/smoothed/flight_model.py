@@ -29,9 +29,9 @@ def follow_ground(state: SmoothedState, reference: GroundReference, level_m: flo
 
 
 def follow_sizes(state: SmoothedState) -> None:
-    """Let the height's error wander once the size of a tag shows it: a barometer drifts, a constant would not."""
+    """Let the height's error, which the sizes of tags show, wander: a barometer drifts, a constant would not."""
     estimator, noise = state.estimator, state.estimator.model.noise
-    if len(estimator.carrier.sizes) and noise.height_wander_m < BAROMETER_WANDER_M:
+    if noise.height_wander_m < BAROMETER_WANDER_M:
         estimator.model = replace(estimator.model, noise=replace(noise, height_wander_m=BAROMETER_WANDER_M))
 
 

@@ -40,7 +40,7 @@ class SmoothedState:
     """The ground of the estimator's model."""
     stored: StoredCalibration
     relative: bool = False
-    """Whether there is no position: a static target stays where it is relative to the vehicle."""
+    """Whether there is no position: the way of the vehicle is the error of the position, which stays where it began."""
     next_id: int = 1
     next_still: int = 0
     pending: PendingSolve | None = None

@@ -37,13 +37,17 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
 
     @property
     def position_ned(self) -> Vector3:
-        """Position in NED, metres."""
+        """Position in NED, metres; without a position of the vehicle that from the point below it."""
+        if self.frame.is_relative:
+            return self.apparent_ned
         north, east, up = self.answer.place.tolist()
         return (north, east, self._down(-up))
 
     @property
     def cov(self) -> Matrix3:
         """Covariance of the position by every source of error, NED, m^2."""
+        if self.frame.is_relative:
+            return self.relative_cov
         return self._ned(self.answer.covariance)
 
     @property
@@ -91,16 +95,24 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
 class FrameAnswers:
     """The smoother's answers at one frame's capture."""
 
-    __slots__ = ("_estimator", "_lever_ned", "_targets", "_vehicle_ned", "gates", "is_mapped", "t")
+    __slots__ = ("_estimator", "_lever_ned", "_targets", "_vehicle_ned", "gates", "is_mapped", "is_relative", "t")
 
     def __init__(
-        self, estimator: Estimator, t: float, view: FrameView, lever_m: Vector3, *, is_mapped: bool = False
+        self,
+        estimator: Estimator,
+        t: float,
+        view: FrameView,
+        lever_m: Vector3,
+        *,
+        is_mapped: bool = False,
+        is_relative: bool = False,
     ) -> None:
         """``t``: capture of row 0, seconds on the autopilot's clock. ``lever_m``: to the camera, body axes, metres.
 
-        ``is_mapped``: whether the ground is an elevation model.
+        ``is_mapped``: whether the ground is an elevation model. ``is_relative``: whether there is no position.
         """
-        self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
+        self._estimator, self.t = estimator, t
+        self.is_mapped, self.is_relative = is_mapped, is_relative
         self._lever_ned: Vector3 = (0.0, 0.0, 0.0)
         if view.vehicle is not None and view.vehicle_ned is not None:
             self._lever_ned = rotate(view.vehicle.ned_from_body, lever_m)

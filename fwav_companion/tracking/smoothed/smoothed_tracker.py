@@ -221,7 +221,8 @@ class SmoothedTracker:
         reference = self._ground()
         self._samples.feed(estimator, reference, view)
         follow_ground(state, reference, self._samples.level_m)
-        follow_sizes(state)
+        if estimator.carrier.sizes.began:
+            follow_sizes(state)
         taken_over = self._take_over(t)
         follow_receiver(state, view, t, STAMP_SIGMA_S)
         if not self._begins(t) or estimator.live is None:
@@ -229,7 +230,7 @@ class SmoothedTracker:
         estimator.live.predict(t)
         sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses, added_ns=added_ns)
         answers = self._answers = FrameAnswers(
-            estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
+            estimator, t, view, self._lever_m, is_mapped=reference.surface is not None, is_relative=state.relative
         )
         frame = SmoothedFrame(
             state, view, sights, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
