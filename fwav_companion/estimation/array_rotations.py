@@ -49,12 +49,19 @@ def matrices(q: Array) -> Array:
 
 
 def body_rates(q: Array, derivative: Array) -> Array:
-    """Angular rates (3, N) in carrier axes, rad/s, of quaternions (4, N) and their time derivatives (4, N)."""
-    return np.asarray(_RATE_FORM @ (q[:, None] * derivative).reshape(16, -1))
+    """Angular rates (3, ...) in carrier axes, rad/s, of quaternions (4, ...) and their time derivatives (4, ...)."""
+    return np.asarray((_RATE_FORM @ (q[:, None] * derivative).reshape(16, -1)).reshape(3, *q.shape[1:]))
 
 
 def apply(m: Array, v: Array) -> Array:
-    """Products (i, N) of matrices (i, j, N) and vectors (j, N), or (i, k, N) for (j, k, N); either N may be 1."""
+    """Products (i, N) of matrices (i, j, N) and vectors (j, N), or (i, k, N) for (j, k, N); either N may be 1.
+
+    Where one side is the same for all instants it is a plain matrix product, at a third of einsum's cost.
+    """
+    if m.shape[2] == 1:
+        return np.asarray((m[..., 0] @ v.reshape(len(v), -1)).reshape(-1, *v.shape[1:]))
+    if v.shape[-1] == 1:  # (k, j) @ (i, j, N)
+        return np.asarray(v[..., 0].T @ m)
     return np.asarray(np.einsum("ijn,jn->in" if v.ndim == 2 else "ijn,jkn->ikn", m, v))
 
 

@@ -14,6 +14,7 @@ from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 WINDOW = 6  # samples of an interpolation: flapping at 5 to 10 Hz is far from linear between two samples of 50 Hz
 _FAST_STEP_S = 2e-3  # half of the difference that gives the rate now
 _SLOW_STEP_S = 0.15  # half of the difference that gives the slow rate
+_RATE_SPANS_S = np.array([[2 * _FAST_STEP_S], [2 * _SLOW_STEP_S]])
 _MARGIN_S = 0.01
 _EDGE = 2  # samples at an end where an interpolation is one-sided
 _RATES_SPAN_S = 4 * _SLOW_STEP_S + 2 * _MARGIN_S
@@ -117,8 +118,8 @@ class Attitudes:
         """Unit quaternions (4, N) at instants (N,), held beyond the samples' ends."""
         times = self._samples.times
         index, w = self._weights(np.minimum(np.maximum(t, times[0]), times[-1]))
-        q = np.einsum("jn,ijn->in", w, self._samples.values[WINDOW:].take(index, 1))
-        return np.asarray(q / np.sqrt(np.einsum("in,in->n", q, q)))
+        q = np.add.reduce(self._samples.values[WINDOW:].take(index, 1) * w, 1)  # (4, 6, N) to (4, N)
+        return np.asarray(q / np.sqrt(np.add.reduce(q * q, 0)))
 
     def _inside(self) -> tuple[float, float]:
         """Interval in which both differences are between samples."""
@@ -130,17 +131,23 @@ class Attitudes:
 
         In the first moments of a flight both are the mean rate since its first sample.
         """
+        return self.attitudes_and_rates(t)[1:]
+
+    def attitudes_and_rates(self, t: Array) -> tuple[Array, Array, Array]:
+        """Quaternions (4, N) and fast and slow rates (3, N) at instants (N,), by one interpolation."""
         if not self.shows_motion():
             mean = self._mean_rate()
-            return mean + 0.0 * t, mean + 0.0 * t
+            return self.quaternions(t), mean + 0.0 * t, mean + 0.0 * t
         first, last = self._inside()
-        t = np.minimum(np.maximum(t, first), last)
-        centre = np.minimum(t, last - _SLOW_STEP_S)
-        instants = (t, t - _FAST_STEP_S, t + _FAST_STEP_S, centre, centre - _SLOW_STEP_S, centre + _SLOW_STEP_S)
-        q = self.quaternions(np.concatenate(instants)).reshape(4, 6, -1)
-        fast = body_rates(q[:, 0], (q[:, 2] - q[:, 1]) / (2 * _FAST_STEP_S))
-        slow = body_rates(q[:, 3], (q[:, 5] - q[:, 4]) / (2 * _SLOW_STEP_S))
-        return fast, slow
+        inside = np.minimum(np.maximum(t, first), last)
+        centre = np.minimum(inside, last - _SLOW_STEP_S)
+        moments = (
+            t, inside, centre, inside - _FAST_STEP_S, centre - _SLOW_STEP_S, inside + _FAST_STEP_S,
+            centre + _SLOW_STEP_S,
+        )  # fmt: skip
+        q = self.quaternions(np.concatenate(moments)).reshape(4, 7, -1)
+        rates = body_rates(q[:, 1:3], (q[:, 5:] - q[:, 3:5]) / _RATE_SPANS_S)  # (3, 2, N)
+        return q[:, 0], rates[:, 0], rates[:, 1]
 
     def _mean_rate(self) -> Array:
         """Rate (3, 1) between the first and the newest sample, rad/s."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -38,6 +37,7 @@ from fwav_companion.estimation.picture_poses import PictureAttitudes, PicturePat
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.sample_buffer import Span
+from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.solve_schedule import SolveSchedule
 from fwav_companion.estimation.target_answers import target_answers
@@ -130,8 +130,10 @@ class Estimator:
         if live is None or not len(s) or not self.carrier.ready:
             return None
         live.predict(float(s.t[0]))
-        held = np.array([k in live for k in targets.tolist()], np.bool_)
-        detection, target = near_pairs(live, s, targets[held], alike[:, held])
+        held = [i for i, k in enumerate(targets.tolist()) if k in live]
+        if len(held) < len(targets):
+            targets, alike = targets[held], alike[:, held]
+        detection, target = near_pairs(live, s, targets, alike)
         if not len(detection):
             return None
         further = [i for i, k in enumerate(target.tolist()) if k in beside and beside[k] in live]
@@ -179,12 +181,12 @@ class Estimator:
 
     def copy(self) -> Estimator:
         """A snapshot of all but the telemetry, which frames do not change: a late frame returns to it."""
-        other = copy.copy(self)
+        other = shallow_copy(self)
         other._new, other._replayed = list(self._new), self._replayed.copy()
         other.live = None if self.live is None else self.live.copy()
         other._whole_flight = None if self._whole_flight is None else self._whole_flight.copy()
         other._solved, other._dropped = set(self._solved), set(self._dropped)
-        other._schedule = copy.copy(self._schedule)
+        other._schedule = shallow_copy(self._schedule)
         return other
 
     def rename(self, old: int, new: int) -> None:
@@ -216,15 +218,16 @@ class Estimator:
 
     def is_solve_due(self, now: float) -> bool:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
-        if not self._new or not self.carrier.shows_motion(now):
+        is_due = self._schedule.is_due(now)
+        if not self._new or (self.solves and not (is_due or self._schedule.may_be_early(now))):
+            return False
+        if not self.carrier.shows_motion(now):
             return False
         if not self.solves:  # the first search needs sightings enough to tell delays apart
             span = abs(float(self._new[-1].t[-1] - self._new[0].t[0]))
             return len(self._new) >= _FIRST_FRAMES or span >= _FIRST_SPAN_S
-        if self._schedule.is_due(now) or not self._schedule.may_be_early(now):
-            return self._schedule.is_due(now)
         live = self.live
-        if live is None or self._has_new_target:
+        if is_due or live is None or self._has_new_target:
             return True
         change = abs(self._height(live, now) - self._solved_height_m)
         if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M):

@@ -26,7 +26,8 @@ def linearise_pairs(live: LiveFilter, s: Sightings, detection: Ints, targets: In
     """Pairs (M,) of a frame's detections and targets, at the present means."""
     places = live.target_means(targets)
     ground, slope = live.model.ground.height(places[:2])
-    point = np.stack([places[0], places[1], places[2] + ground])
+    point = places.copy()
+    point[2] += ground
     found, h = linearise(live, s, detection, point)
     base, own = h.swapaxes(1, 2).copy(), found.point.copy()  # (2, M, n), (2, 3, M)
     own[:, :2] += found.point[:, 2:] * slope

@@ -120,7 +120,7 @@ def quarter_turns(camera_axis: Array) -> list[Array]:
 def sight_poses(carrier: Carrier, s: Sightings, shared: Array) -> Poses:
     """Poses (N) of sightings at the shared parameters (S,): those of all turns of the mount."""
     instants, shift = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT], attitude_shift(shared)
-    return carrier.poses(instants, carrier.live_rates(instants, shift), shift)
+    return carrier.live_poses(instants, shift)
 
 
 def cluster(

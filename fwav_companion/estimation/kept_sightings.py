@@ -7,7 +7,7 @@ different linearisation points creates information in directions that no sightin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class Sightings:
 
     def with_targets(self, target: Ints) -> Sightings:
         """The same detections, of other targets."""
-        return replace(self, target=target)
+        return Sightings(self.t, self.rays, self.tangents, self.frame, target, self.row, self.own_noise)
 
 
 def frame_of(number: int, t: Array, rays: Array, tangents: Array) -> Sightings:

@@ -12,7 +12,6 @@ linear in their number. A new target, also one that moves (``moving``), begins a
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 
@@ -27,7 +26,8 @@ from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
 from fwav_companion.estimation.range_readings import RangeReadings
-from fwav_companion.estimation.schmidt_targets import SchmidtTargets
+from fwav_companion.estimation.schmidt_targets import SchmidtTargets, divided_by
+from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.estimation.wander import ErrorAgeing, Wander, jumps
 
 TEACHING = 10  # targets whose sightings update the error and each other
@@ -73,7 +73,7 @@ class LiveFilter:
 
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
-        other = copy.copy(self)
+        other = shallow_copy(self)
         other.mean, other.covariance, other.others = self.mean.copy(), self.covariance.copy(), self.others.copy()
         other.poses = FramePoses(self.carrier, other.mean[: self.size])
         return other
@@ -93,6 +93,11 @@ class LiveFilter:
             for k in targets.tolist()
         ]
         return np.array(rows).reshape(-1, TARGET_SIZE).T
+
+    def begin_frame(self, t: float) -> None:
+        """Age the error to a frame at t, at which its answers are asked."""
+        self.poses.answered_t = t
+        self.predict(t)
 
     def predict(self, t: float) -> None:
         """Age the error to the time t."""
@@ -232,11 +237,11 @@ class LiveFilter:
 
     def update(self, s: Sightings, detection: Ints, targets: Ints) -> None:
         """Take pairs (M,) of one frame's detections and targets; targets that it does not hold are left out."""
-        held = np.array([k in self for k in targets.tolist()], np.bool_)
-        if not held.all():
-            detection, targets = detection[held], targets[held]
-        if not len(targets):
+        held = [i for i, k in enumerate(targets.tolist()) if k in self]
+        if not held:
             return
+        if len(held) < len(targets):
+            detection, targets = detection[held], targets[held]
         self.predict(float(s.t[0]))
         early, late = self.t - BREAK_MARGIN_S, self.t + BREAK_MARGIN_S
         if any(b.before < late and early < b.after for b in self.carrier.path.breaks):
@@ -247,21 +252,24 @@ class LiveFilter:
             pairs = frame[1].of(detection, targets)
         if pairs is None:
             pairs = linearise_pairs(self, s, detection, targets)
-        teaches = np.array([k in self.at for k in pairs.target.tolist()], np.bool_)
-        for which in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
-            if not len(which):
+        numbers = pairs.target.tolist()
+        for teaches in (True, False):
+            which = [i for i, k in enumerate(numbers) if (k in self.at) == teaches]
+            if not which:
                 continue
-            part = pairs if len(which) == len(teaches) else pairs.select(which)
+            part = pairs if len(which) == len(numbers) else pairs.select(np.array(which))
             frame = self._frame
             found = frame[2] if frame is not None and frame[1] is part else self._innovations(part)
-            use = np.flatnonzero(found.visible & (found.distance2 < GATE2))
+            (use,) = (found.visible & (found.distance2 < GATE2)).nonzero()
             self.used += len(use)
             self.refused += len(which) - len(use)
             self.surprise += float(found.distance2[use].sum())
-            rows = found.rows(use)
-            if len(use) and teaches[which[0]]:
-                h = part.base.reshape(-1, len(self.mean))[rows]
-                self._correct(h, found.covariance[rows[:, None], rows], found.residual[rows])
+            if len(use) and teaches:
+                h, covariance, residual = part.base.reshape(-1, len(self.mean)), found.covariance, found.residual
+                if len(use) < len(which):
+                    rows = found.rows(use)
+                    h, covariance, residual = h[rows], covariance[rows[:, None], rows], residual[rows]
+                self._correct(h, covariance, residual)
             elif len(use):
                 self._update_others(found, part, use)
 
@@ -300,7 +308,7 @@ class LiveFilter:
         self._change()
         self._seen_t = self.t
         carried = self.covariance @ h.T  # (n, m)
-        gain = np.linalg.solve(s, carried.T).T
+        gain = divided_by(s, carried)
         of_constant = gain[HEIGHT].copy()
         gain[: self.size] = 0.0
         if of_height:

@@ -55,6 +55,18 @@ class Settling(NamedTuple):
         return self.t
 
 
+class PathPoints(NamedTuple):
+    """The path at N instants."""
+
+    position: Array  # (3, N) m north, east, height
+    velocity: Array  # (3, N) m/s
+    calm: Array  # (3, N) m/s, without its noise, for derivatives
+
+    def first(self) -> PathPoints:
+        """At the first instant alone."""
+        return PathPoints(self.position[:, :1], self.velocity[:, :1], self.calm[:, :1])
+
+
 CALM_S = 1.25  # half of the span of a fit to the velocities: a turn of 0.7 rad/s is less than 1 % off at its middle
 POSITION, VELOCITY, CALM = slice(0, 3), slice(3, 6), slice(6, 9)
 _LEAST_FITTED = 2  # samples on each side, where they are slow
@@ -177,7 +189,7 @@ class PathSamples:
         late_s = np.maximum(t - self.newest - self.step_s, 0.0)
         return np.asarray(0.5 * UNMEASURED_M_S2 * late_s * late_s)
 
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
+    def at(self, t: Array) -> PathPoints:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
         Beyond the ends the position goes on by the velocity there, north and east for one gap with its acceleration: a
@@ -187,7 +199,7 @@ class PathSamples:
         times, values = self.buffer.times, self.buffer.values
         if len(times) == 1:
             velocity = np.repeat(values[3:6], len(t), 1)
-            return values[:3] + values[3:6] * (t - times), velocity, velocity
+            return PathPoints(values[:3] + values[3:6] * (t - times), velocity, velocity)
         i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
         a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
         h = times.take(i + 1) - begin
@@ -202,7 +214,7 @@ class PathSamples:
             between = (t > step.before) & (t < step.after)
             if between.any():
                 position[:, between] = (a[:3] + a[3:6] * (t - begin))[:, between]
-        return position, velocities[:3], velocities[3:]
+        return PathPoints(position, velocities[:3], velocities[3:])
 
 
 def fitted_samples(step_s: float) -> int:
@@ -317,9 +329,13 @@ class Carrier:
         """
         return self._rates(t, shift, unseen_rad)
 
-    def live_rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
-        """Rates at a few instants, with the share of motion that was last found."""
-        return self._rates(t, shift)
+    def live_poses(self, t: Array, shift: float = 0.0, path: PathPoints | None = None) -> Poses:
+        """Poses at a few instants (N,), their rates with the share of motion that was last found; path: `path.at(t)`."""
+        path = self.path.at(t) if path is None else path
+        if self.gimbal is not None:
+            return self._posed(self._rotation(t, shift), path, self._rates(t, shift))
+        q, fast, slow = self.body.attitudes_and_rates(t + shift)
+        return self._posed(matrices(q), path, CarrierRates(self._mixed(fast, slow)))
 
     def _rates(self, t: Array, shift: float, unseen_rad: float | None = None) -> CarrierRates:
         if self.gimbal is None:
@@ -338,19 +354,25 @@ class Carrier:
         of_gimbal = attitudes is self.gimbal
         if unseen_rad is not None:
             self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow, unseen_rad)
+        return self._mixed(fast, slow, of_gimbal=of_gimbal)
+
+    def _mixed(self, fast: Array, slow: Array, *, of_gimbal: bool = False) -> Array:
         return np.asarray(slow + self._motion_shares.get(of_gimbal, 0.0) * (fast - slow))
 
     def poses(self, t: Array, rates: CarrierRates, attitude_shift: float = 0.0) -> Poses:
         """Poses at instants (N,); rates enter derivatives only; a gimbal's attitude is taken `attitude_shift` later."""
-        rotation = self._rotation(t, attitude_shift)
-        position, velocity, calm = self.path.at(t)
+        return self._posed(self._rotation(t, attitude_shift), self.path.at(t), rates)
+
+    def _posed(self, rotation: Array, path: PathPoints, rates: CarrierRates) -> Poses:
+        """Poses by rotations (3, 3, N) ned_from_carrier and places."""
+        position, velocity, calm = path
         if self.gimbal is not None:  # its errors are about its own axes, also where it looks straight down
             return Poses(rotation, position, velocity, calm, rates.whole, _RIGHT, rates.own)
         right, down = rotation[2, 2], -rotation[2, 1]
         size = np.sqrt(right * right + down * down)
-        level = np.zeros_like(position)
-        level[1], level[2] = right / np.maximum(size, 1e-6), down / np.maximum(size, 1e-6)
-        if size.min() <= 1e-6:  # vertical: the carrier's own axis
+        level = np.zeros(position.shape)
+        level[1:] = np.array([right, down]) / np.maximum(size, 1e-6)
+        if min(size.tolist()) <= 1e-6:  # vertical: the carrier's own axis
             level[:, size <= 1e-6] = _RIGHT
         return Poses(rotation, position, velocity, calm, rates.whole, level)
 

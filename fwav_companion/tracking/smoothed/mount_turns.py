@@ -20,6 +20,7 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.initiation import Clustering, cluster, quarter_turns, sight_poses
 from fwav_companion.estimation.kept_sightings import Sightings, joined, spread
 from fwav_companion.estimation.measurement import Poses
+from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.smoothed.named_mounts import named
@@ -62,7 +63,9 @@ class MountTurns:
 
     def copy(self) -> MountTurns:
         """A snapshot."""
-        return replace(self, _kept=self._kept.copy())
+        other = shallow_copy(self)
+        other._kept = self._kept.copy()
+        return other
 
     def add(self, labels: Sequence[str], sights: Sightings, mount: Matrix3, host_ns: HostNs) -> None:
         """Keep the sights of a frame's static targets, at most five frames a second."""

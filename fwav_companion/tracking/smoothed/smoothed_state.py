@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import msgspec
 
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
+from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.live_track import LiveTrack
@@ -59,10 +60,10 @@ class SmoothedState:
 
     def copy(self) -> SmoothedState:
         """A snapshot."""
-        return replace(
-            self, estimator=self.estimator.copy(), landmarks=self.landmarks.copy(), waiting=dict(self.waiting),
-            still=dict(self.still), taught=dict(self.taught), turns=self.turns.copy(),
-        )  # fmt: skip
+        other = shallow_copy(self)
+        other.estimator, other.landmarks, other.turns = self.estimator.copy(), self.landmarks.copy(), self.turns.copy()
+        other.waiting, other.still, other.taught = dict(self.waiting), dict(self.still), dict(self.taught)
+        return other
 
     def track_of(self, number: int) -> int:
         """The track of a number in the estimator."""

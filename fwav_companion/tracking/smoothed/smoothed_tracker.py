@@ -227,7 +227,7 @@ class SmoothedTracker:
         follow_receiver(state, view, t, STAMP_SIGMA_S)
         if not self._begins(t) or estimator.live is None:
             return ()
-        estimator.live.predict(t)
+        estimator.live.begin_frame(t)
         sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses, added_ns=added_ns)
         answers = self._answers = FrameAnswers(
             estimator, t, view, self._lever_m, is_mapped=reference.surface is not None, is_relative=state.relative
