@@ -82,7 +82,7 @@ def rotation_and_jacobian(v: Array) -> tuple[Array, Array]:
     return _rotation_and_jacobian(*v.tolist())
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)  # the mount's error, and the quarter turns about four axes
 def _rotation_and_jacobian(x: float, y: float, z: float) -> tuple[Array, Array]:
     square = x * x + y * y + z * z
     angle = math.sqrt(square)

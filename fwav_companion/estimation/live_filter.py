@@ -255,23 +255,27 @@ class LiveFilter:
         numbers = pairs.target.tolist()
         for teaches in (True, False):
             which = [i for i, k in enumerate(numbers) if (k in self.at) == teaches]
-            if not which:
-                continue
-            part = pairs if len(which) == len(numbers) else pairs.select(np.array(which))
-            frame = self._frame
-            found = frame[2] if frame is not None and frame[1] is part else self._innovations(part)
-            (use,) = (found.visible & (found.distance2 < GATE2)).nonzero()
-            self.used += len(use)
-            self.refused += len(which) - len(use)
-            self.surprise += float(found.distance2[use].sum())
-            if len(use) and teaches:
-                h, covariance, residual = part.base.reshape(-1, len(self.mean)), found.covariance, found.residual
-                if len(use) < len(which):
-                    rows = found.rows(use)
-                    h, covariance, residual = h[rows], covariance[rows[:, None], rows], residual[rows]
-                self._correct(h, covariance, residual)
-            elif len(use):
-                self._update_others(found, part, use)
+            if which:
+                self._take(pairs if len(which) == len(numbers) else pairs.select(np.array(which)), teaches=teaches)
+
+    def _take(self, pairs: LinearisedPairs, *, teaches: bool) -> None:
+        """Take pairs of targets that all teach, or all do not; those in their gates."""
+        frame, count = self._frame, len(pairs.target)
+        found = frame[2] if frame is not None and frame[1] is pairs else self._innovations(pairs)
+        (use,) = (found.visible & (found.distance2 < GATE2)).nonzero()
+        self.used += len(use)
+        self.refused += count - len(use)
+        self.surprise += sum(found.distance2[use].tolist())
+        if not len(use):
+            return
+        if not teaches:
+            self._update_others(found, pairs, use)
+            return
+        h, covariance, residual = pairs.base.reshape(2 * count, -1), found.covariance, found.residual
+        if len(use) < count:
+            rows = found.rows(use)
+            h, covariance, residual = h[rows], covariance[rows[:, None], rows], residual[rows]
+        self._correct(h, covariance, residual)
 
     def _update_by_height(self, source: RangeReadings) -> None:
         """Take the newest reading of the height, at most a few in a second: they see the same ground again.

@@ -201,15 +201,16 @@ class PathSamples:
             velocity = np.repeat(values[3:6], len(t), 1)
             return PathPoints(values[:3] + values[3:6] * (t - times), velocity, velocity)
         i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
-        a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
+        a, begin = values.take(i, 1), times.take(i)
+        change = values.take(i + 1, 1) - a  # (9, N)
         h = times.take(i + 1) - begin
         s = np.minimum(np.maximum((t - begin) / h, 0.0), 1.0)
-        p0, p1, v0, v1 = _hermite(s, h)
-        velocities = a[3:] + s * (b[3:] - a[3:])
+        later, v0, v1 = _hermite(s, h)
+        velocities = a[3:] + s * change[3:]
         beyond = t - begin - s * h
-        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6] + beyond * velocities[:3]
         turn = np.minimum(np.maximum(beyond, -h), h)
-        position[:2] += turn * (beyond - 0.5 * turn) / h * (b[3:5] - a[3:5])
+        position = a[:3] + later * change[:3] + (v0 + v1) * a[3:6] + v1 * change[3:6] + beyond * velocities[:3]
+        position[:2] += turn * (beyond - 0.5 * turn) / h * change[3:5]
         for step in self.breaks:  # the report has not stepped yet: on by the velocity
             between = (t > step.before) & (t < step.after)
             if between.any():
@@ -240,12 +241,10 @@ def fitted_velocities(t: Array, velocity: Array, first: int, step_s: float) -> A
     return np.asarray((velocity[:, index] * weights).sum(-1))
 
 
-def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
-    """Weights of the two positions and the two velocities at the part s of a gap h."""
-    s2 = s * s
-    later = s2 * (3.0 - 2.0 * s)
-    rest = 1.0 - s
-    return 1.0 - later, later, s * rest * rest * h, -s2 * rest * h
+def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array]:
+    """Weights of the later position, the earlier one having the rest, and of both velocities at part s of gap h."""
+    s2, scaled = s * s, (1.0 - s) * h
+    return s2 * (3.0 - 2.0 * s), (s - s2) * scaled, -s2 * scaled
 
 
 class CarrierRates(NamedTuple):
@@ -330,7 +329,7 @@ class Carrier:
         return self._rates(t, shift, unseen_rad)
 
     def live_poses(self, t: Array, shift: float = 0.0, path: PathPoints | None = None) -> Poses:
-        """Poses at a few instants (N,), their rates with the share of motion that was last found; path: `path.at(t)`."""
+        """Poses at a few instants (N,), rates with the share of motion that was last found; path: `path.at(t)`."""
         path = self.path.at(t) if path is None else path
         if self.gimbal is not None:
             return self._posed(self._rotation(t, shift), path, self._rates(t, shift))

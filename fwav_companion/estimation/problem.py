@@ -95,6 +95,7 @@ class Problem:
         # Rows of a rolling shutter: a frame's detections come in any order of their instants.
         self._in_order = np.array_equal(self.of_instant, np.arange(len(s)))
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
+        self.by_gap = _by_gap(self.left)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
         self.usable = np.ones(len(s), np.bool_)
@@ -286,6 +287,20 @@ class Problem:
                 if np.abs(ground - before).max() < _SAME_LEVEL_M:
                     break
         return targets
+
+
+def _by_gap(left: Ints) -> tuple[Ints | None, list[tuple[int, int, int]]]:
+    """Order (N,) that brings together the sightings of each gap, None where they are; gaps with their bounds in it.
+
+    left: (N,) the knot before each sighting. Rows of a rolling shutter come back to a gap.
+    """
+    if not len(left):
+        return None, []
+    order = None if bool((left[1:] >= left[:-1]).all()) else np.argsort(left, kind="stable")
+    ordered = left if order is None else left[order]
+    begin = np.concatenate([[0], (ordered[1:] != ordered[:-1]).nonzero()[0] + 1, [len(left)]])
+    bounds = begin.tolist()
+    return order, list(zip(ordered[begin[:-1]].tolist(), bounds[:-1], bounds[1:], strict=True))
 
 
 def attitude_shift(shared: Array) -> float:

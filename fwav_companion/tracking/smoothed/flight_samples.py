@@ -237,22 +237,21 @@ def sightings_of(
     """
     if not fixes:
         return None
-    rays, mounts, by_u, by_v, sigma, t, rows, own = [], [], [], [], [], [], [], []
+    t, rows, mounts, rays, sigma, own = [], [], [], [], [], []
     for fix in fixes:
-        sighting = fix.sighting
+        sighting, ray = fix.sighting, fix.sighting.ray
         t.append(s_from_ns(sighting.boot_ns + added_ns))
         rows.append(sighting.row_fraction)
-        mounts.append(sighting.body_from_camera)
-        rays.append(sighting.ray.direction)
-        by_u.append(sighting.ray.d_du)
-        by_v.append(sighting.ray.d_dv)
+        for row in sighting.body_from_camera:
+            mounts.extend(row)
+        rays += (*ray.direction, *ray.d_du, *ray.d_dv)
         sigma.append(sighting.pixel_sigma)
         own.append(_own_noise(fix, own_poses=own_poses))
-    mount = np.array(mounts)  # (D, 3, 3)
-    count, columns = len(fixes), np.array([rays, by_u, by_v]).reshape(3, len(fixes), 3)
-    ray, u, v = np.einsum("dij,cdj->cid", mount, columns)  # (3, D) each, carrier axes
-    frame, none = np.full(count, number, np.int64), np.full(count, -1, np.int64)
-    noise = np.array(own).T if np.any(own) else None
+    count = len(fixes)
+    body_from_camera, camera = np.array(mounts).reshape(count, 3, 3), np.array(rays).reshape(count, 3, 3)
+    ray, u, v = (camera @ body_from_camera.swapaxes(1, 2)).transpose(1, 2, 0)  # (3, D) each, carrier axes
+    frame, none = np.array([number] * count, np.int64), np.array([-1] * count, np.int64)
+    noise = np.array(own).T if any(map(any, own)) else None
     return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows), noise)
 
 
@@ -274,6 +273,6 @@ def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:
     """Rows (2, 3, D) from a direction to pixels over their sigma (2, D): a pseudo-inverse."""
-    uu, uv, vv = (u * u).sum(0), (u * v).sum(0), (v * v).sum(0)
-    rows = np.stack([vv * u - uv * v, uu * v - uv * u]) / (uu * vv - uv * uv)  # (2, 3, D)
-    return np.asarray(rows / sigma[:, None])
+    uu, uv, vv = np.add.reduce(u * u, 0), np.add.reduce(u * v, 0), np.add.reduce(v * v, 0)  # (D,)
+    rows = np.array([vv * u - uv * v, uu * v - uv * u])  # (2, 3, D)
+    return np.asarray(rows / ((uu * vv - uv * uv) * sigma[:, None]))

@@ -31,8 +31,9 @@ MOST_KEPT = 240
 """Sights that are kept: of five targets those of ten seconds."""
 MOST_JUDGED, LEAST_JUDGED = 60, 24
 """Most and least sights of one label that are judged, evenly over those that are kept."""
-FRESH = 8
-"""Frames with new sights between two judgements."""
+FRESH, FRESH_SHARE = 8, 8
+"""Frames with new sights between two judgements: at least these, and one for this many kept sights, because the same
+sights again give the same judgement."""
 AXIS = 2
 """The camera looks along its z axis."""
 
@@ -94,7 +95,11 @@ class MountTurns:
 
     def _started(self, estimator: Estimator) -> JudgedTurns | None:
         """A judgement of the label that is seen most, where there are enough new sights and the mount is not known."""
-        if self._fresh < FRESH or self.body_from_camera is None or not estimator.carrier.shows_motion():
+        if (
+            self._fresh < max(FRESH, len(self._kept) // FRESH_SHARE)
+            or self.body_from_camera is None
+            or not estimator.carrier.shows_motion()
+        ):
             return None
         label, count = Counter(label for label, _ in self._kept).most_common(1)[0]
         if count < LEAST_JUDGED:
