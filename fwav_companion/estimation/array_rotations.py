@@ -66,7 +66,10 @@ def apply(m: Array, v: Array) -> Array:
 
 
 def crosses(v: Array, axes: Array) -> Array:
-    """Cross products axes x v: (3, k, N) of vectors (3, N) and axes (3, k, N)."""
+    """Cross products axes x v: (3, k, N) of vectors (3, N) and axes (3, k, N or 1)."""
+    if v.shape[1] == 1:  # one vector: a plain matrix product
+        x, y, z = v[:, 0].tolist()
+        return np.asarray(np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ axes[..., 0])[..., None]
     x, y, z = v[:, None]
     a, b, c = axes
     out = np.empty((3, axes.shape[1], v.shape[1]))

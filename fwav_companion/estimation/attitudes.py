@@ -98,7 +98,7 @@ class Attitudes:
     @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
-        return float(self._samples.times[-1])
+        return self._samples.newest
 
     @property
     def oldest(self) -> float:
@@ -177,5 +177,11 @@ class Attitudes:
 
 def _barycentric_factors(times: list[float]) -> list[float]:
     """Inverse products of the differences of a window's times; zeros before those of a window that is not full."""
-    factors = [1.0 / math.prod([a - b for b in times if b != a]) for a in times]
-    return [0.0] * (WINDOW - len(times)) + factors
+    factors = [0.0] * (WINDOW - len(times))
+    for a in times:
+        product = 1.0
+        for b in times:
+            if b != a:
+                product *= a - b
+        factors.append(1.0 / product)
+    return factors

@@ -48,6 +48,8 @@ class Sightings:
         if which.dtype == np.bool_ and bool(which.all()):
             return self
         i = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        if len(i) == len(self) == 1:
+            return self
         own = None if self.own_noise is None else self.own_noise.take(i, -1)
         return Sightings(
             self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i], self.row[i], own

@@ -107,7 +107,7 @@ class PathSamples:
     @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
-        return float(self.buffer.times[-1])
+        return self.buffer.newest
 
     def copy(self, span: Span = ALL) -> PathSamples:
         """A snapshot of a span of time, smoothed by nothing that is later."""

@@ -34,6 +34,11 @@ class SampleBuffer:
         return self._end - self._first
 
     @property
+    def newest(self) -> float:
+        """Time of the newest sample, s; there is one."""
+        return float(self._times[self._end - 1])
+
+    @property
     def times(self) -> Array:
         """(n,) a view: contiguous, because a search in a strided column copies all of it."""
         return self._times[self._first : self._end]

@@ -4,6 +4,7 @@ import pytest
 from flying import Companion
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import add
 from sitl_mock import scenario, simulate
 from tests.benchmarks.calls import ATTITUDE_BUDGET, CallCounter, measure
 
@@ -42,7 +43,12 @@ def test_calls_are_counted_without_those_of_the_counter():
 
     result, calls = CallCounter().counted(work)
     assert result == 2
-    assert (calls.python, calls.native) == (2, 2)
+    assert (calls.python, calls.native, calls.own) == (2, 2, 0)
+
+
+def test_calls_of_the_package_are_counted_by_themselves():
+    _, calls = CallCounter().counted(lambda: add((1.0, 2.0, 3.0), (0.0, 0.0, 1.0)))
+    assert (calls.python, calls.own) == (1, 1)
 
 
 @pytest.mark.slow
