@@ -127,7 +127,7 @@ class Estimator:
         alike: (D, T) pairs that may be one thing by their labels. beside: further targets that go with some of these.
         """
         live = self.live
-        if live is None or not len(s) or not self.carrier.ready:
+        if live is None or not len(s):
             return None
         live.predict(float(s.t[0]))
         held = [i for i, k in enumerate(targets.tolist()) if k in live]
@@ -157,7 +157,7 @@ class Estimator:
             taught = s.select(detection[teaches]).with_targets(targets[teaches])
             self.record(taught)
             self._replayed.append(taught)
-        if self.live is not None and self.carrier.ready:
+        if self.live is not None:
             self.live.update(s, detection, targets)
 
     def record(self, s: Sightings) -> None:

@@ -21,6 +21,7 @@ BENCHMARKS = (
     "attitude_at",
     "ten_targets",
     "calls",
+    "instructions",
     "startup",
     "daemon",
     "solving",

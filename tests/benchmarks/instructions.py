@@ -7,6 +7,7 @@ called by an iterator written in C that nothing else uses, so that callgrind's f
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import compress, dropwhile, starmap, takewhile
 from pathlib import Path
+from statistics import fmean
 from typing import NamedTuple, TypeVar
 
 from fwav_companion.estimation.solve import Estimate, SolveTask
@@ -22,9 +24,10 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.tracking.reorder import Reorder
 from fwav_companion.types import FrameView, NoFrame, Track
 from tests.accuracy.flights import Plan, plan_of, recording_of, replayed
+from tests.benchmarks.figure import Figure
 
-WINDOW_NS = 10 * NS_PER_S
-"""Time of a flight whose instructions are written to a file of their own."""
+WINDOW_S = 10
+"""Time of a flight whose instructions are written to a file of their own; flights are multiples of it."""
 NEXT_WINDOW = "compress_next"
 """The interpreter's C function at whose call callgrind writes them."""
 TRACKER, SOLVE, SEARCH = "takewhile_next", "starmap_next", "dropwhile_next"
@@ -53,7 +56,7 @@ class CountedFlight:
 
 
 class Spent(NamedTuple):
-    """Million instructions."""
+    """Million instructions a flight second."""
 
     whole: float
     tracker: float
@@ -62,10 +65,9 @@ class Spent(NamedTuple):
     """Of solves with a search of the delay."""
 
 
-def spent(flight: str, estimator: str, folder: Path) -> tuple[list[Spent], Counter[str]]:
-    """Instructions of each window of a flight's replay, and the calls of each counted function."""
+def spent(flight: str, estimator: str, folder: Path) -> list[Spent]:
+    """Million instructions a second in each window of a flight's replay."""
     recording_of(FLIGHTS[flight].plan(), folder)  # else the counted process would fly it
-    calls: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
         command = [
@@ -80,23 +82,18 @@ def spent(flight: str, estimator: str, folder: Path) -> tuple[list[Spent], Count
         parts = sorted(Path(name).glob("out.*"), key=lambda path: int(path.suffix[1:]))
         windows = []
         for path in [*parts[1:], out]:  # before the first one the recording is read
-            by_function = _inclusive(path, calls)
-            windows.append(Spent(*(by_function[each] / 1e6 for each in ("", TRACKER, SOLVE, SEARCH))))
-    return windows, calls
+            by_function = _inclusive(path)
+            windows.append(Spent(*(by_function[each] / 1e6 / WINDOW_S for each in ("", TRACKER, SOLVE, SEARCH))))
+    return windows
 
 
-def _inclusive(path: Path, calls: Counter[str]) -> Counter[str]:
-    """Instructions by counted function, and of all by "", in a file of callgrind; adds the number of calls."""
+def _inclusive(path: Path) -> Counter[str]:
+    """Instructions by counted function, and of all by "", in a file of callgrind."""
     found: Counter[str] = Counter()
-    function, called = "", ""
+    function = ""
     for line in path.read_text().splitlines():
         if line.startswith("fn="):
             function = line[3:]
-        elif line.startswith("cfn="):
-            called = line[4:]
-        elif line.startswith("calls="):
-            if called in (TRACKER, SOLVE, SEARCH):
-                calls[called] += int(line[6:].split()[0])
         elif function in (TRACKER, SOLVE, SEARCH) and line[:1].isdigit():
             found[function] += int(line.split()[1])
         elif line.startswith("totals:"):
@@ -129,8 +126,8 @@ def replay_counted(flight: str, estimator: str, folder: str) -> None:
 
     def counted_put(self: Reorder, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         if not until_ns or view.host_ns >= until_ns[-1]:
-            until_ns.append((until_ns[-1] if until_ns else view.host_ns) + WINDOW_NS)
-            if len(until_ns) > 1:
+            until_ns.append((until_ns[-1] if until_ns else view.host_ns) + WINDOW_S * NS_PER_S)
+            if 1 < len(until_ns) <= FLIGHTS[flight].seconds / WINDOW_S:  # the end is the last one's
                 next_window()
         return counted(TRACKER, lambda: put(self, view, now_ns))
 
@@ -144,14 +141,39 @@ def replay_counted(flight: str, estimator: str, folder: str) -> None:
         pass
 
 
-_SPREAD = tuple((3.0 * (k % 8) - 10.5, 3.0 * (k // 8) - 10.5) for k in range(64))
+def measure() -> list[Figure]:
+    """Three flights; none without valgrind, which no package index has."""
+    if shutil.which("valgrind") is None:
+        return []
+    with tempfile.TemporaryDirectory() as name:
+        one, ten, many = (spent(flight, "third", Path(name)) for flight in FLIGHTS)
+    begin, later = one[:2], one[2:]
+    mean = Spent(*(fmean(column) for column in zip(*one, strict=True)))
+    detail = (
+        f"{mean.solves:.0f} of them in solves, {mean.searches:.0f} with searches; the whole replay {mean.whole:.0f}"
+    )
+    return [
+        _figure("one target over a minute", mean.tracker, 80.0, detail),
+        _figure("the first 20 s of it", fmean(each.tracker for each in begin), 110.0),
+        _figure("the dearest later 10 s", max(each.tracker for each in later), 95.0),
+        _figure("ten targets", fmean(each.tracker for each in ten), 140.0),
+        _figure("64 targets, of which ten teach", fmean(each.tracker for each in many), 250.0),
+    ]
+
+
+def _figure(name: str, million: float, budget: float, detail: str = "association and solves included") -> Figure:
+    return Figure(f"estimator, million instructions a flight second: {name}", million, budget, False, detail)
+
+
 FLIGHTS = {
     "one": CountedFlight("orbit_1", 60.0),
-    "short": CountedFlight("orbit_1", 4.0),
     "ten": CountedFlight("targets_10", 20.0),
-    "64": CountedFlight("targets_10", 20.0, _SPREAD),
-    "eight": CountedFlight("eight_late_and_crooked", 45.0),
+    "many": CountedFlight("targets_10", 20.0, tuple((3.0 * (k % 8) - 10.5, 3.0 * (k // 8) - 10.5) for k in range(64))),
 }
+"""At 30 frames/s, every target in view of nearly every picture."""
 
 if __name__ == "__main__":
-    replay_counted(*sys.argv[1:])
+    if len(sys.argv) > 1:
+        replay_counted(*sys.argv[1:])
+    else:
+        print(*measure(), sep="\n")

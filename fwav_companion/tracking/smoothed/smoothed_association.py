@@ -32,10 +32,16 @@ def frame_pairs(
 ) -> FramePairs:
     """The pairs of a prediction. ``steady``: ids of tracks whose pairs may show the frame's displacement."""
     # A detection's pixel noise is the unit of its residual; clutter is compared with all of a fix's own noise.
-    own = [2.0 * log(noise_area_px2(fix) / (2.0 * pi * prod(fix.sighting.pixel_sigma))) for fix in fixes]
-    clutter_llr = [against.llr_of(fix) + against.detection_odds for fix in fixes]
+    areas_px2 = [noise_area_px2(fix) for fix in fixes]
+    clutter_llr = [
+        against.llr_of(fix, area_px2) + against.detection_odds for fix, area_px2 in zip(fixes, areas_px2, strict=True)
+    ]
     if prediction is None:
         return FramePairs(fixes, against, {}, {}, clutter_llr)
+    own = [
+        2.0 * log(area_px2 / (2.0 * pi * prod(fix.sighting.pixel_sigma)))
+        for fix, area_px2 in zip(fixes, areas_px2, strict=True)
+    ]
     alone = gates = _results(prediction, own)
     if len(prediction.target) > 1:
         certain = prediction.unambiguous(np.array([k in steady for k in prediction.target.tolist()], np.bool_))
