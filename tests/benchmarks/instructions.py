@@ -82,12 +82,12 @@ def spent(flight: str, estimator: str, folder: Path) -> list[Spent]:
         parts = sorted(Path(name).glob("out.*"), key=lambda path: int(path.suffix[1:]))
         windows = []
         for path in [*parts[1:], out]:  # before the first one the recording is read
-            by_function = _inclusive(path)
+            by_function = inclusive(path)
             windows.append(Spent(*(by_function[each] / 1e6 / WINDOW_S for each in ("", TRACKER, SOLVE, SEARCH))))
     return windows
 
 
-def _inclusive(path: Path) -> Counter[str]:
+def inclusive(path: Path) -> Counter[str]:
     """Instructions by counted function, and of all by "", in a file of callgrind."""
     found: Counter[str] = Counter()
     function = ""
