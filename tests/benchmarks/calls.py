@@ -33,9 +33,9 @@ SETTLED_S = 12.0
 COUNTED_S = 8.0
 ATTITUDE_BUDGET = 70.0
 """At 100 Hz, from the bytes to the timer's next instant."""
-FRAME_BUDGET = 750.0
-"""Of this package, in the median frame of one target with self-calibration, in which no solve is made: 15 % above what
-is measured (650), so that a stage more in each frame is seen. What a flight second may cost is counted in instructions
+FRAME_BUDGET = 680.0
+"""Of this package, in the median frame of one target with self-calibration, in which no solve is made: 5 % above what
+is measured (649), so that a stage more in each frame is seen. What a flight second may cost is counted in instructions
 (``tests.benchmarks.instructions``)."""
 PACKAGE = "fwav_companion/"
 Result = TypeVar("Result")

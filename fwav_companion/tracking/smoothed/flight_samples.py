@@ -237,7 +237,9 @@ def sightings_of(
     """
     if not fixes:
         return None
-    t, rows, mounts, rays, sigma, own = [], [], [], [], [], []
+    t, rows, sigma, own = [], [], [], []
+    mounts: list[float] = []
+    rays: list[float] = []
     for fix in fixes:
         sighting, ray = fix.sighting, fix.sighting.ray
         t.append(s_from_ns(sighting.boot_ns + added_ns))
