@@ -32,7 +32,7 @@ NEXT_WINDOW = "compress_next"
 """The interpreter's C function at whose call callgrind writes them."""
 TRACKER, SOLVE, SEARCH = "takewhile_next", "starmap_next", "dropwhile_next"
 """C functions that call the tracker's frames, and within them the solves without and with a delay search."""
-MODULE = "tests.benchmarks.instructions"
+CHECKOUT, MODULE = Path(__file__).parents[2], "tests.benchmarks.instructions"
 Result = TypeVar("Result")
 
 
@@ -76,7 +76,7 @@ def spent(flight: str, estimator: str, folder: Path) -> list[Spent]:
             estimator, str(folder),
         ]  # fmt: skip
         environment = {**os.environ, "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
+        done = subprocess.run(command, env=environment, cwd=CHECKOUT, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"callgrind: {done.stderr[-800:]}")
         parts = sorted(Path(name).glob("out.*"), key=lambda path: int(path.suffix[1:]))
