@@ -61,3 +61,33 @@ def test_path_of_a_vehicle_that_turns_goes_on_in_its_turn():
     at = np.array([times[-1], times[-1] + STEP_S])
     off = path.samples.at(at)[0][:2] - np.array([8.0 * np.cos(w * at), 8.0 * np.sin(w * at)])
     assert np.hypot(*(off[:, 1] - off[:, 0])) < 0.004
+
+
+def reported(position_noise_m, wander_m, velocity_error_m_s, seed, seconds=40):
+    """Path of a vehicle at rest at the origin by 10 Hz: white noise, a random walk of the position (m within a second),
+    and an error of the velocities that turns about in 20 s; its newest positions (2, 100).
+    """
+    rng, path = np.random.default_rng(seed), VehiclePath(NOISE_M, NOISE_M)
+    walk = np.zeros(3)
+    for k in range(round(seconds / STEP_S)):
+        t, walk = k * STEP_S, walk + wander_m * np.sqrt(STEP_S) * rng.standard_normal(3) * (1.0, 1.0, 0.0)
+        turn = 2.0 * np.pi * t / 20.0
+        wrong = velocity_error_m_s * np.array([np.cos(turn), np.sin(turn), 0.0])
+        path.append(t, walk + position_noise_m * rng.standard_normal(3), wrong)
+    path.settle()
+    return path.samples
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_velocities_that_are_wrong_for_seconds_move_no_path_away_from_its_positions(seed):
+    """As PX4's in its simulator, by 0.3 m/s: a filter that trusts them lags by 0.6 m."""
+    path = reported(0.02, 0.0, 0.3, seed)
+    off = path.at(path.newest - np.linspace(0.0, 10.0, 50))[0][:2]
+    assert np.hypot(*off).max() < 0.15
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_receiver_that_wanders_leaves_the_path_to_its_velocities(seed):
+    """By 0.18 m within a second, a random walk: sightings find it, and the velocities are right."""
+    path = reported(0.1, 0.18, 0.0, seed)
+    assert path.noise.level[0] < 0.02
