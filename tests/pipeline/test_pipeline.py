@@ -142,6 +142,11 @@ def late_minus_in_time(settings=(), smoother=None):
     return [line.north - by_time[line.time_unix] for line in lines]
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="0.027 m within a second of the late frame for 0.02: it is placed by the path up to its own instant, and "
+    "others by telemetry that came before their detections",
+)
 def test_a_late_frame_leaves_what_it_would_have_left_in_time():
     differences = late_minus_in_time()
     assert len(differences) > 250
