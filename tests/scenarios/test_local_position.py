@@ -103,9 +103,9 @@ def test_claims_in_the_local_frame_hold_the_drift():
 
 @pytest.mark.xfail(
     strict=True,
-    reason="a delay moves the vehicle forward, as a tilt of the mount does; seeds 6, 7 and 9 draw position delays of -1.7, "
-    "0.6 and -1.4 sigma, which steady circles do not show: mean squares 3.2 for 2.0; of seeds 4 to 9, whose delays have "
-    "the variance of their prior, 2.5 over 20 to 40 s",
+    reason="a delay moves the vehicle forward, as a tilt of the mount does; seeds 6, 7 and 9 draw position delays of "
+    "-1.7, 0.6 and -1.4 sigma, which steady circles do not show: mean squares 3.2 for 2.0; of seeds 4 to 9, whose "
+    "delays have the variance of their prior, 2.5 over 20 to 40 s",
 )
 def test_claims_relative_to_the_vehicle_hold_none_of_the_drift():
     relative = []
