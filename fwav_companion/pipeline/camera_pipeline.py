@@ -30,6 +30,7 @@ from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import FrameTracker, Settled
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
+from fwav_companion.tracking.lifecycle import KEEP_STATIC_NS
 from fwav_companion.types import (
     Frame,
     FrameView,
@@ -50,6 +51,8 @@ LONG_AFTER_NS = 60 * NS_PER_S
 
 USED_NS = 2 * NS_PER_S
 """Time after a used picture in which second copies are no reason to be not ready."""
+FOLLOWED_NS = 2 * NS_PER_S
+"""Time without a picture after which the tracker takes the telemetry since, which is kept for 3 s."""
 FOOTPRINT_NS = NS_PER_S
 """Age of the newest picture up to which its footprint is reported as the camera's present one."""
 
@@ -111,6 +114,8 @@ class CameraPipeline:
         self._meter = RateMeter()
         self._used_ns = HostNs(0)
         """Time of the last frame that was used."""
+        self._followed_ns = HostNs(0)
+        """Time at which the tracker last took the telemetry."""
 
     def rebuild(self) -> None:
         """Make all rooms anew, without a kept calibration, and drop every track; their ids are not used again.
@@ -162,9 +167,17 @@ class CameraPipeline:
             self._waiting.place(lambda frame: self._pairer.attitude_needed_until(frame, self._telemetry.clock), now)
         ready = self._waiting.take_ready(now, self._telemetry)
         if not ready:
+            if now - self._followed_ns > FOLLOWED_NS:
+                self._follow_vehicle(now)
             return []
         self.frames_taken += len(ready)
         return [seen for frame in ready if (seen := self._process(frame, now)) is not None]
+
+    def _follow_vehicle(self, now: HostNs) -> None:
+        """Hand over the telemetry between two pictures, as long as a target is kept: a gap would break the path."""
+        self._followed_ns = now
+        if self._last_view is not None and now - self._used_ns < KEEP_STATIC_NS:
+            self._reorder.tracker.on_telemetry()
 
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
@@ -322,6 +335,7 @@ class CameraPipeline:
             placed_sigma_m=0.0 if self._placed is None else self._placed_sigma_m(*self._placed, paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),
         )
+        self._followed_ns = now
         self._agreement.add(view.fixes, view.host_ns)
         self.readout.add(view.fixes)
         tracks = self._reorder.put(view, now)

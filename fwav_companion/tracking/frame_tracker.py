@@ -67,6 +67,9 @@ class FrameTracker(Protocol):
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
         ...
 
+    def on_telemetry(self) -> None:
+        """Take the telemetry since the newest frame, which is not kept until one that comes seconds later."""
+
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
         ...

@@ -136,6 +136,11 @@ class FilterTracker:
         self._state = FilterTrackerState(living, frame.next_id, alternation, detector, frame.unused(tracks))
         return _reports(tracks, view)
 
+    def on_telemetry(self) -> None:
+        """Hand the telemetry between two frames to self-calibration: these filters take fixes alone."""
+        if self._calibrating is not None:
+            self._calibrating.on_telemetry()
+
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state = self._state

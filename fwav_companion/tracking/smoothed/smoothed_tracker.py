@@ -262,6 +262,10 @@ class SmoothedTracker:
             state.pending = PendingSolve(due_s, self._smoother.solver(task))
         return reports
 
+    def on_telemetry(self) -> None:
+        """Take the telemetry since the newest frame: the path has no gap between photographs."""
+        self._samples.feed(self._state.estimator, self._ground())
+
     def _begins(self, t: float) -> bool:
         """Whether the live filter has begun. Where a late frame has earlier ones processed again, those that came too
         early for their telemetry are too early still.
