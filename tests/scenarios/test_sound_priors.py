@@ -39,7 +39,7 @@ def orbits() -> list[tuple[tuple[str, ...], tuple[float, float], tuple[float, fl
 
 
 @pytest.mark.slow
-def test_orbits_with_a_wandering_position_deny_no_prior_and_claim_no_less_by_self_calibration():
+def test_orbits_with_a_wandering_position_deny_no_prior_and_widen_no_claim_by_self_calibration():
     for denied, (plain_m, calibrating_m), _ in orbits():
         assert denied == ()
         assert calibrating_m < 1.1 * plain_m

