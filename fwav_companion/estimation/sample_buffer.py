@@ -64,7 +64,7 @@ class SampleBuffer:
 
     def count_until(self, t: float) -> int:
         """Number of samples not later than t, s."""
-        return int(self.times.searchsorted(t, side="right"))
+        return int(self._times[self._first : self._end].searchsorted(t, side="right"))
 
     def copy(self, span: Span = ALL, beyond: int = 0) -> SampleBuffer:
         """An independent copy of the samples in a span of time, and of a number of samples beyond it."""

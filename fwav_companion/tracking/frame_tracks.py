@@ -188,7 +188,7 @@ class FrameTracks(ABC, Generic[TrackT]):
         tracks, view, crowd = list(before), self._view, self._detector.crowd
         free = [j for j in self.left if not self._is_stray(j)]
         self._strays = len(self.left) - len(free)
-        room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
+        room = MAX_TRACKS - len([track for track in tracks if track.life.state is not TrackState.DROPPED])
         if len(free) > room:
             calm = sum(view.fixes[j].sighting.detection.label not in crowd.labels for j in free)
             for k in weakest_first(tracks, most_coasting=calm)[: len(free) - room]:

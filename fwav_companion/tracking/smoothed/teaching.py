@@ -52,7 +52,7 @@ def teach(
         rows += still_sightings(state, moving, sights, view.host_ns, gates)
     if rows:
         rows.sort()
-        which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
+        which, targets, teaching = [np.array(column) for column in zip(*rows, strict=True)]
         estimator.update_pairs(sights, which, targets, teaching)
 
 
