@@ -138,22 +138,27 @@ class SchmidtTargets:
         index: (P,) pairs of these targets; base: (n, n) covariance.
         """
         o = np.array([self.at[k] for k in targets[index].tolist()], np.int64)
-        rows = np.stack([index, index + len(targets)], 1).ravel()  # (2 P,)
-        seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
-        by_base = seen @ self.cross[o, :TARGET_SIZE]  # (P, 2, n)
+        rows = np.concatenate((index, index + len(targets)))  # (2 P,)
+        seen = own[..., index].transpose(0, 2, 1)  # (2, P, 3)
+        by_base = (seen[:, :, None] @ self.cross[o, :TARGET_SIZE])[:, :, 0]  # (2, P, n)
         carried = by_base.reshape(len(rows), -1) @ h.T  # (2 P, 2 M)
+        # Two of them have in common what the base state explains; of itself a target knows more.
+        i, j = (o[:, None] == o).nonzero()  # (K,) each
+        common = np.zeros((2, len(index), 2, len(index)))
+        if len(i) < len(o) ** 2:
+            gains = (seen[:, :, None] @ self.gains(o, base))[:, :, 0]  # (2, P, n)
+            common = (gains.reshape(len(rows), -1) @ by_base.reshape(len(rows), -1).T).reshape(common.shape)
+        places = self.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE]
+        common[:, i, :, j] = seen[:, i].swapaxes(0, 1) @ places @ seen[:, j].transpose(1, 2, 0)  # (K, 2, 2)
+        added = common.reshape(len(rows), len(rows))
+        if len(index) == len(targets):  # of hundreds of pairs, to pick and put back rows costs more than all else
+            covariance += carried
+            covariance += carried.T
+            covariance += added
+            return
         covariance[rows] += carried
         covariance[:, rows] += carried.T
-        # Two of them have in common what the base state explains; of itself a target knows more.
-        same = o[:, None] == o
-        common = np.zeros((len(rows), len(rows)))
-        if not same.all():
-            gains = seen @ self.gains(o, base)  # (P, 2, n)
-            common = gains.reshape(len(rows), -1) @ by_base.reshape(len(rows), -1).T
-        for i, j in np.argwhere(same).tolist():
-            whole = seen[i] @ self.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE] @ seen[j].T
-            common[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = whole
-        covariance[rows[:, None], rows] += common
+        covariance[rows[:, None], rows] += added
 
     def predict(self, dt: float) -> None:
         """Move the moving ones by their velocity, with white acceleration."""
