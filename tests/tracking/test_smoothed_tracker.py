@@ -125,7 +125,7 @@ def test_tangents_standardise_a_pixel_error_of_one_sigma():
     ray, by_u, by_v = np.array([0.0, 0.0, 1.0]), np.array([0.002, 0.0003, 0.0]), np.array([-0.0002, 0.003, 0.0])
     sighting = SimpleNamespace(
         boot_ns=BootNs(2_000_000_000), row_fraction=0.25, body_from_camera=((0, -1, 0), (1, 0, 0), (0, 0, 1)),
-        state=SimpleNamespace(gimbal=None),
+        state=SimpleNamespace(gimbal=None, carrier_sigma=0.0),
         ray=SimpleNamespace(direction=tuple(ray), d_du=tuple(by_u), d_dv=tuple(by_v)), pixel_sigma=(4.0, 2.0),
     )  # fmt: skip
     found = sightings_of(7, [SimpleNamespace(sighting=sighting)])
