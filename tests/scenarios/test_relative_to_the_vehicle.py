@@ -80,7 +80,7 @@ def test_circles_over_one_target_claim_what_is_true(number):
     strict=True,
     raises=AssertionError,
     reason="mean square 9.8 for less than 3.0; the first six flights have 3.5 to 12.3 each, so no draw of the priors. "
-    "With self-calibration the claim holds",
+    "With self-calibration the claim holds from 85 s on. The cause is not known",
 )
 def test_circles_over_one_target_claim_what_is_true_without_self_calibration():
     """The same by the filter alone: it must see that the wander is of first order, or its mean square is above 4."""
@@ -124,7 +124,7 @@ EXCEEDED = pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
     reason="mean squares 3.34 out of view and 3.56 just after, for less than 3.0; of flights 1 to 4 1.9, 4.0, 4.8, 2.6 "
-    "and 1.1, 4.0, 3.7, 5.3. By the smooth wander the claim holds",
+    "and 1.1, 4.0, 3.7, 5.3. By the smooth wander the claim holds. The cause is not known",
 )
 GAPS = [
     pytest.param(wander, number, marks=[mark, *([EXCEEDED] if (wander, number) == ("gauss_markov", 4) else [])])
