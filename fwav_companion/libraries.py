@@ -1,7 +1,6 @@
 """SHELL: one line for the user where a library is missing, with the command that installs it.
 
-`pip install .` brings every library but those of the extras. On 32-bit Arm it leaves out those without a wheel there:
-numpy and scipy are the system's packages, in an environment that sees them.
+`pip install .` brings every library but those of the extras. On 32-bit Arm it leaves out those without a wheel there.
 """
 
 from __future__ import annotations
@@ -29,9 +28,7 @@ EXTRAS = {
 }
 """The extra of this project that installs a library, by the library's import name."""
 WITHOUT_WHEEL = frozenset({"cv2", "numpy", "scipy"})
-"""Import names of the libraries that have no wheel for 32-bit Arm."""
-OF_THE_SYSTEM = frozenset({"numpy", "scipy"})
-"""Those whose Debian 12 packages do; its OpenCV, 4.6, has no ``cv2.aruco.ArucoDetector``."""
+"""Import names of the libraries that have no wheel for 32-bit Arm; Debian 12's packages of them are too old."""
 
 
 def require(purpose: str, *modules: str) -> None:
@@ -58,9 +55,6 @@ def advice(*missing: str) -> str:
     extras = sorted({EXTRAS[name] for name in names if name in EXTRAS})
     wanted = f"'.[{','.join(extras)}]'" if extras else "."
     line = f"{' and '.join(names)} {verb} not installed; run pip install {wanted} in the project's folder"
-    if WITHOUT_WHEEL.difference(OF_THE_SYSTEM).intersection(names):
+    if WITHOUT_WHEEL.intersection(names):
         line += " (32-bit systems cannot have it: they relay, and take detections by UDP)"
-    elif packages := sorted(OF_THE_SYSTEM.intersection(names)):
-        line += f" (on a 32-bit system: sudo apt install {' '.join(f'python3-{name}' for name in packages)}, "
-        line += "and an environment by venv --system-site-packages)"
     return line

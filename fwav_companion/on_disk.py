@@ -41,17 +41,6 @@ def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Itera
     those of the old file, or those that the umask leaves. Devices and pipes are written directly. OSError names
     ``path``.
     """
-    try:
-        with _writable(path, synced=synced, mode=mode) as file:
-            yield file
-    except OSError as error:
-        if error.filename is None:  # as for a full disk
-            error.filename = str(path)
-        raise
-
-
-@contextmanager
-def _writable(path: Path, *, synced: bool, mode: int | None) -> Iterator[BinaryIO]:
     before = _status(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
         with path.open("wb") as file:
@@ -73,8 +62,10 @@ def _writable(path: Path, *, synced: bool, mode: int | None) -> Iterator[BinaryI
         temporary_path.replace(real)
         if synced:
             _sync_folder(real.parent)
-    except BaseException:  # Ctrl-C too
+    except BaseException as error:  # Ctrl-C too
         temporary_path.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # as for a full disk
+            error.filename = str(path)
         raise
 
 
@@ -88,8 +79,8 @@ def made_folder(path: Path) -> Path:
     return path
 
 
-def write_text(path: Path, text: str) -> Path:
-    """The path of a text that was written as UTF-8, its folder made. InputFileError."""
+def write_page(path: Path, text: str) -> Path:
+    """The path of a page that was written, its folder made. InputFileError."""
     try:
         made_folder(path.parent)
         with whole(path) as file:

@@ -24,6 +24,7 @@ PURE = (
     "replay/driver.py",
     "replay/recorded.py",
     "replay/telemetry.py",
+    "self_calibration",
     "telemetry",
     "tools/install/network_access.py",
     "tools/install/plan.py",
@@ -39,7 +40,7 @@ REFUSED_NAMES = {
     *("served", "StandingTarget", "steady", "Strange", "taught", "timed", "undone", "weighed"),
 }
 """Participles and adjectives that were names: of a thing, a name is a noun; of what is done, a verb."""
-ROOMS_BEING_REPLACED = ("estimation", "mavlink", "telemetry", "tracking")
+ROOMS_BEING_REPLACED = ("estimation", "mavlink", "self_calibration", "telemetry", "tracking")
 KEYS_ON_THE_WIRE = {"types/flight_status.py AgreementReport.apart"}
 CLOCK_READERS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "now", "utcnow", "today"}
 
@@ -69,15 +70,16 @@ def test_a_relay_loads_only_these_libraries():
     assert libraries - {"typing_extensions"} == {"fwav_companion", "fastcrc", "msgspec", "pymavlink"}
 
 
-def test_the_low_pass_without_self_calibration_loads_no_numpy():
+@pytest.mark.parametrize("calibrates", [False, True])
+def test_only_self_calibration_loads_numpy(calibrates: bool):
     statement = (
-        "from fwav_companion.tracking import TrackingOptions, filter_tracker\n"
+        "from fwav_companion.tracking import TrackingOptions, make_tracker\n"
         "from fwav_companion.types import BIAS_COUNT, ErrorPriors\n"
         "priors = ErrorPriors(pixel_noise_px=1.0, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0, "
         "bias_sigmas=(0.1,) * BIAS_COUNT, position_bias_time_s=60.0)\n"
-        "filter_tracker(TrackingOptions(filter='lowpass'), priors)"
+        f"make_tracker(TrackingOptions(self_calibration={calibrates}), priors)"
     )
-    assert "numpy" not in loaded_by(statement)
+    assert ("numpy" in loaded_by(statement)) is calibrates
 
 
 def test_the_daemon_loads_no_tool():

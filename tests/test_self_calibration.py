@@ -8,9 +8,9 @@ from flying import CAMERA, LINK, Companion, fly
 from fwav_companion.config import load, parse
 from fwav_companion.geometry.mounts import corrected_mount
 from fwav_companion.recording.line_types import CalibrationLine, TargetLine
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.types import NoticeCode
-from fwav_companion.types.calibration_report import KeptCalibration
 from sitl_mock import scenario
 
 SETTINGS = (
@@ -134,18 +134,12 @@ def test_it_expires_when_the_camera_changes(board, file, old, new):
     assert CalibrationStore(load(board), pytest.fail).kept() is None
 
 
-@pytest.mark.parametrize(
-    "table",
-    ["", '[state]\ndirectory = "state"\n[tracking]\nself_calibration = false\n'],
-    ids=["without a state directory", "without self-calibration"],
-)
-def test_where_the_calibration_is_not_wanted_or_has_no_place_nothing_is_kept(tmp_path, monkeypatch, table):
+def test_without_a_state_directory_or_self_calibration_nothing_is_kept(tmp_path, monkeypatch):
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
-    (tmp_path / "camera.yaml").write_text(CAMERA)
-    config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n' + table, str(tmp_path / "flight.toml"))
+    config = parse(LINK + '[camera]\ncalibration = "absent.yaml"\n', str(tmp_path / "flight.toml"))
     memory = CalibrationStore(config, pytest.fail)
     memory.start()
     memory.tick(KEPT)
     memory.close(1.0)
     assert memory.kept() is None
-    assert [each.name for each in tmp_path.iterdir()] == ["camera.yaml"]
+    assert list(tmp_path.iterdir()) == []

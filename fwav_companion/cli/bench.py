@@ -23,7 +23,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "bench",
-        description="Runs the project's benchmarks, about twenty minutes, from a checkout with the test extra.",
+        description="Runs the project's benchmarks, about five minutes, from a checkout with the test extra.",
         epilog="example:\n  git clone ... && cd fwav-companion && pip install '.[test]' && fwav-companion bench",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -134,7 +134,6 @@ def _clicked(arguments: argparse.Namespace) -> int:
 def _checked(arguments: argparse.Namespace) -> int:
     seconds = SECONDS if arguments.seconds is None else arguments.seconds
     from fwav_companion.config import load
-    from fwav_companion.service.configured_files import as_installed
     from fwav_companion.tools.doctor.board import Probe
     from fwav_companion.tools.doctor.evidence import Evidence
     from fwav_companion.tools.doctor.examination import examine
@@ -145,7 +144,6 @@ def _checked(arguments: argparse.Namespace) -> int:
 
     config = load(arguments.config)
     config.require_links()
-    config = as_installed(config) if config.localizes else config
     files, key = load_files(config)
     files = msgspec.structs.replace(files, model=model_report(config))
     status = running_status(config)

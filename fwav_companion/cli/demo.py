@@ -13,7 +13,6 @@ from fwav_companion.cli.seed import seed
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
 from fwav_companion.libraries import require
-from fwav_companion.on_disk import write_text
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -109,11 +108,10 @@ def _locate_photographs(arguments: argparse.Namespace) -> int:
     if arguments.click or arguments.fleet:
         raise UserError("--photographs, --click and --fleet are three demonstrations: accepted: one of them")
     require("demo --photographs", "numpy", "cv2", "PIL", "sitl_mock")
-    from fwav_companion.tools.demo.processes import locked_folder
     from fwav_companion.tools.photograph_demo.photograph_demonstration import draw_photographs, locate_photographs
 
     out = Path(realpath(arguments.out))
-    with as_by_ctrl_c(), locked_folder(out):
+    with as_by_ctrl_c():
         draw_photographs(out, arguments.seed)
         scores = locate_photographs(out)
     for score in scores:
@@ -147,7 +145,7 @@ def _fly_fleet(arguments: argparse.Namespace) -> int:
         print(f"{score.label} at {score.north:.0f} m north, {score.east:.0f} m east: {error}{claim}{seen}")
     for trouble in result.troubles:
         print(f"demo: {trouble}", file=sys.stderr)
-    write_text(out / "fleet.json", json.dumps(result.as_json(), indent=1) + "\n")
+    (out / "fleet.json").write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
     print(f"report     {out / 'fleet.json'}")
     if arguments.json:
         print(json.dumps(result.as_json()))

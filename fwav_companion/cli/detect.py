@@ -200,12 +200,10 @@ class _Outputs:
     def add(self, picture: Picture, found: Sequence[Found], number: int) -> None:
         """Draw and measure the detections of a picture."""
         if self.draw is not None:
-            from fwav_companion.cli.output import written
             from fwav_companion.vision.preview_drawing import drawn
 
             name = Path(picture.file).stem if picture.file else f"{number:06d}"
-            with written(str(self.draw / f"{name}.jpg")) as file:
-                file.write(drawn(picture.pixels, found))
+            (self.draw / f"{name}.jpg").write_bytes(drawn(picture.pixels, found))
         if not self.measures:
             return
         height, width = picture.pixels.shape[:2]
@@ -234,13 +232,13 @@ class _Outputs:
 
 
 def _detect_all(outputs: _Outputs, pictures: RecordedPictures, detector: Detector) -> dict[str, object]:
-    from fwav_companion.cli.output import written
     from fwav_companion.cli.progress import steps
+    from fwav_companion.on_disk import whole
     from fwav_companion.vision.images import DetectorError, frame_bytes
 
     frames = detections = 0
     with ExitStack() as stack:
-        file = None if outputs.out is None else stack.enter_context(written(str(outputs.out)))
+        file = None if outputs.out is None else stack.enter_context(whole(outputs.out))
         step = stack.enter_context(steps("detect", pictures.count))
         for picture in pictures.pictures:
             try:
@@ -256,7 +254,7 @@ def _detect_all(outputs: _Outputs, pictures: RecordedPictures, detector: Detecto
 
 
 def _write_poses(out: Path, poses: Sequence[PoseRow], pictures: Path) -> None:
-    from fwav_companion.cli.output import written
+    from fwav_companion.on_disk import whole
 
     if not poses:
         raise InputFileError(
@@ -265,5 +263,5 @@ def _write_poses(out: Path, poses: Sequence[PoseRow], pictures: Path) -> None:
         )
     from fwav_companion.photographs.poses_table import poses_csv
 
-    with written(str(out)) as file:
+    with whole(out) as file:
         file.write(poses_csv(poses).encode())

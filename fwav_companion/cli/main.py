@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from errno import EDQUOT, EIO, ENOSPC, EROFS
+from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
 from io import TextIOWrapper
@@ -63,10 +63,6 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 process would wait for these threads."""
 
 
-DISK_ERRORS = (ENOSPC, EDQUOT, EROFS, EIO)
-"""Errors of the disk under an output, which may begin at any write: no mistake of ours."""
-
-
 class OneLineParser(argparse.ArgumentParser):
     """Reports wrong arguments in one line, like every other user error."""
 
@@ -97,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _let_go_of_stdout()
         return EXIT_PIPE_CLOSED
     except OSError as error:
-        if error.errno not in DISK_ERRORS:
+        if error.errno != ENOSPC:
             raise
         _let_go_of_stdout()
         print(f"fwav-companion: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)

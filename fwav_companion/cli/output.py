@@ -32,4 +32,4 @@ def written(name: str) -> Iterator[BinaryIO]:
     except BrokenPipeError:  # the reader has closed it
         raise
     except OSError as error:
-        raise InputFileError(f"{error.filename or name}: {error.strerror}; accepted: a writable file") from None
+        raise InputFileError(f"{name}: {error.strerror}; accepted: a writable file") from None

@@ -40,7 +40,7 @@ from fwav_companion.replay import (
 )
 from fwav_companion.replay.telemetry_files import load_telemetry
 from fwav_companion.replay.user_filter import load_own_filter
-from fwav_companion.service.configured_files import as_installed, load_calibration, load_elevation
+from fwav_companion.service.configured_files import load_calibration, load_elevation
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import Sighting
 
@@ -106,7 +106,7 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
     """The inputs that the command line names. ConfigError or InputFileError for the first wrong one."""
-    config = as_installed(load(arguments.config, arguments.set))
+    config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
     _spare_what_is_read(arguments, config)
     calibration = load_calibration(config)

@@ -35,16 +35,10 @@ def run(arguments: argparse.Namespace) -> int:
         allow_openssl()
     import asyncio
 
-    from fwav_companion.service.configured_files import (
-        as_installed,
-        load_calibration,
-        load_elevation,
-        recorded_extra_files,
-    )
+    from fwav_companion.service.configured_files import load_calibration, load_elevation, recorded_extra_files
     from fwav_companion.service.daemon import Service
 
     config.require_links()
-    config = as_installed(config) if config.localizes else config
     calibration = load_calibration(config) if config.localizes else None
     key = load_signing_key(config)
     elevation = load_elevation(config) if config.localizes else ()

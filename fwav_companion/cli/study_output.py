@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from fwav_companion.on_disk import write_text
+from fwav_companion.on_disk import write_page
 from fwav_companion.tools.study.answer_text import as_object, lines, sentence, wrong_lines
 from fwav_companion.tools.study.conclusions import answer_of
 from fwav_companion.tools.study.engine import FinishedStudy, replay_line
@@ -74,7 +74,7 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
     if finished.flown and finished.cpu_s:
         print(f"CPU: {finished.cpu_s / finished.flown:.1f} s a flight, {finished.flown} flights flown now")
     page = study_page(plan, records, answer, finished.environment, notes=notes, commands=commands)
-    path = write_text(out / REPORT, page)
+    path = write_page(out / REPORT, page)
     print(path)
     if as_json:
         print(json.dumps(as_object(plan, answer, str(path), commands)))

@@ -12,7 +12,7 @@ import msgspec
 from fwav_companion import __version__
 from fwav_companion.cli.study_output import REPORT, ShownProgress
 from fwav_companion.errors import UserError
-from fwav_companion.on_disk import write_text
+from fwav_companion.on_disk import write_page
 from fwav_companion.tools.study.cluster import SchedulerLostError, Workers, WorkersDiedError, decoded, workers
 from fwav_companion.tools.study.keys import CLAIM, FLIGHT, TRUTH, parse_setting
 from fwav_companion.tools.study.paired_settings import compared
@@ -61,7 +61,7 @@ def _answer(arguments: argparse.Namespace, records: list[SettingRecord], names: 
     comparisons = compared(records, len(names) - 1)
     flights = len({record.flight for record in records})
     page = settings_page(comparisons, names, records, arguments.recordings, version=__version__)
-    path = write_text(arguments.out / REPORT, page)
+    path = write_page(arguments.out / REPORT, page)
     print(sentence(comparisons, names, flights))
     print()
     for each in lines(comparisons, names):

@@ -47,7 +47,7 @@ class ParameterStatus:
         return self.sigma < CALIBRATED_SHARE * self.prior_sigma
 
     @property
-    def without_prior(self) -> float:
+    def alone(self) -> float:
         """The estimate without its prior; the estimate itself where the flight shows nothing."""
         precision, prior = 1.0 / (self.sigma * self.sigma), 1.0 / (self.prior_sigma * self.prior_sigma)
         if precision <= 1.0001 * prior:

@@ -49,27 +49,17 @@ def matrices(q: Array) -> Array:
 
 
 def body_rates(q: Array, derivative: Array) -> Array:
-    """Angular rates (3, ...) in carrier axes, rad/s, of quaternions (4, ...) and their time derivatives (4, ...)."""
-    return np.asarray((_RATE_FORM @ (q[:, None] * derivative).reshape(16, -1)).reshape(3, *q.shape[1:]))
+    """Angular rates (3, N) in carrier axes, rad/s, of quaternions (4, N) and their time derivatives (4, N)."""
+    return np.asarray(_RATE_FORM @ (q[:, None] * derivative).reshape(16, -1))
 
 
 def apply(m: Array, v: Array) -> Array:
-    """Products (i, N) of matrices (i, j, N) and vectors (j, N), or (i, k, N) for (j, k, N); either N may be 1.
-
-    Where one side is the same for all instants it is a plain matrix product, at a third of einsum's cost.
-    """
-    if m.shape[2] == 1:
-        return np.asarray((m[..., 0] @ v.reshape(len(v), -1)).reshape(-1, *v.shape[1:]))
-    if v.shape[-1] == 1:  # (k, j) @ (i, j, N)
-        return np.asarray(v[..., 0].T @ m)
+    """Products (i, N) of matrices (i, j, N) and vectors (j, N), or (i, k, N) for (j, k, N); either N may be 1."""
     return np.asarray(np.einsum("ijn,jn->in" if v.ndim == 2 else "ijn,jkn->ikn", m, v))
 
 
 def crosses(v: Array, axes: Array) -> Array:
-    """Cross products axes x v: (3, k, N) of vectors (3, N) and axes (3, k, N or 1)."""
-    if v.shape[1] == 1:  # one vector: a plain matrix product
-        x, y, z = v[:, 0].tolist()
-        return np.asarray(np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]) @ axes[..., 0])[..., None]
+    """Cross products axes x v: (3, k, N) of vectors (3, N) and axes (3, k, N)."""
     x, y, z = v[:, None]
     a, b, c = axes
     out = np.empty((3, axes.shape[1], v.shape[1]))
@@ -85,7 +75,7 @@ def rotation_and_jacobian(v: Array) -> tuple[Array, Array]:
     return _rotation_and_jacobian(*v.tolist())
 
 
-@lru_cache(maxsize=64)  # the mount's error, and the quarter turns about four axes
+@lru_cache(maxsize=8)
 def _rotation_and_jacobian(x: float, y: float, z: float) -> tuple[Array, Array]:
     square = x * x + y * y + z * z
     angle = math.sqrt(square)

@@ -14,7 +14,6 @@ from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 WINDOW = 6  # samples of an interpolation: flapping at 5 to 10 Hz is far from linear between two samples of 50 Hz
 _FAST_STEP_S = 2e-3  # half of the difference that gives the rate now
 _SLOW_STEP_S = 0.15  # half of the difference that gives the slow rate
-_RATE_SPANS_S = np.array([[2 * _FAST_STEP_S], [2 * _SLOW_STEP_S]])
 _MARGIN_S = 0.01
 _EDGE = 2  # samples at an end where an interpolation is one-sided
 _RATES_SPAN_S = 4 * _SLOW_STEP_S + 2 * _MARGIN_S
@@ -98,7 +97,7 @@ class Attitudes:
     @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
-        return self._samples.newest
+        return float(self._samples.times[-1])
 
     @property
     def oldest(self) -> float:
@@ -118,8 +117,8 @@ class Attitudes:
         """Unit quaternions (4, N) at instants (N,), held beyond the samples' ends."""
         times = self._samples.times
         index, w = self._weights(np.minimum(np.maximum(t, times[0]), times[-1]))
-        q = np.add.reduce(self._samples.values[WINDOW:].take(index, 1) * w, 1)  # (4, 6, N) to (4, N)
-        return np.asarray(q / np.sqrt(np.add.reduce(q * q, 0)))
+        q = np.einsum("jn,ijn->in", w, self._samples.values[WINDOW:].take(index, 1))
+        return np.asarray(q / np.sqrt(np.einsum("in,in->n", q, q)))
 
     def _inside(self) -> tuple[float, float]:
         """Interval in which both differences are between samples."""
@@ -131,23 +130,17 @@ class Attitudes:
 
         In the first moments of a flight both are the mean rate since its first sample.
         """
-        return self.attitudes_and_rates(t)[1:]
-
-    def attitudes_and_rates(self, t: Array) -> tuple[Array, Array, Array]:
-        """Quaternions (4, N) and fast and slow rates (3, N) at instants (N,), by one interpolation."""
         if not self.shows_motion():
             mean = self._mean_rate()
-            return self.quaternions(t), mean + 0.0 * t, mean + 0.0 * t
+            return mean + 0.0 * t, mean + 0.0 * t
         first, last = self._inside()
-        inside = np.minimum(np.maximum(t, first), last)
-        centre = np.minimum(inside, last - _SLOW_STEP_S)
-        moments = (
-            t, inside, centre, inside - _FAST_STEP_S, centre - _SLOW_STEP_S, inside + _FAST_STEP_S,
-            centre + _SLOW_STEP_S,
-        )  # fmt: skip
-        q = self.quaternions(np.concatenate(moments)).reshape(4, 7, -1)
-        rates = body_rates(q[:, 1:3], (q[:, 5:] - q[:, 3:5]) / _RATE_SPANS_S)  # (3, 2, N)
-        return q[:, 0], rates[:, 0], rates[:, 1]
+        t = np.minimum(np.maximum(t, first), last)
+        centre = np.minimum(t, last - _SLOW_STEP_S)
+        instants = (t, t - _FAST_STEP_S, t + _FAST_STEP_S, centre, centre - _SLOW_STEP_S, centre + _SLOW_STEP_S)
+        q = self.quaternions(np.concatenate(instants)).reshape(4, 6, -1)
+        fast = body_rates(q[:, 0], (q[:, 2] - q[:, 1]) / (2 * _FAST_STEP_S))
+        slow = body_rates(q[:, 3], (q[:, 5] - q[:, 4]) / (2 * _SLOW_STEP_S))
+        return fast, slow
 
     def _mean_rate(self) -> Array:
         """Rate (3, 1) between the first and the newest sample, rad/s."""
@@ -155,13 +148,13 @@ class Attitudes:
         q = self.quaternions(np.array([first, 0.5 * (first + last), last]))
         return body_rates(q[:, 1:2], (q[:, 2:] - q[:, :1]) / (last - first))
 
-    def motion_share(self, t: Array, fast: Array, slow: Array, unseen_rad: float = 0.0) -> Array:
+    def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:
         """Share (3, 1) of the fast rates, beyond the slow ones, that is motion and not noise of the attitudes.
 
         A delay's derivative is the rate times the ray. Noise in the rate is an error in the variables (Fuller 1987): it
         counts as information on the delay that does not exist (0.9 ms claimed, 12 ms off). The noise of the rates
         follows from this interpolation's own gain. Squares are clipped at their 98 % point: a polynomial's end can be
-        far off. unseen_rad: one sigma of the motion that the interpolation misses: noise of the attitudes, too.
+        far off.
         """
         squares = (fast - slow) ** 2
         rank = int(0.98 * (len(t) - 1))
@@ -170,18 +163,12 @@ class Attitudes:
         t = t[:: 1 + len(t) // 200].clip(*self._inside())
         difference = self._weights(t + _FAST_STEP_S)[1] - self._weights(t - _FAST_STEP_S)[1]
         gain = float(np.median((difference**2).sum(0)))
-        noise = (self.noise_rad**2 + unseen_rad**2) * (gain / (2 * _FAST_STEP_S) ** 2 + 2 / (2 * _SLOW_STEP_S) ** 2)
+        noise = self.noise_rad**2 * (gain / (2 * _FAST_STEP_S) ** 2 + 2 / (2 * _SLOW_STEP_S) ** 2)
         certain = 1.3 + 5 * np.sqrt(2 / fast.shape[1])
         return np.where(mean > certain * noise, 1 - noise / np.maximum(mean, 1e-12), 0.0)[:, None]
 
 
 def _barycentric_factors(times: list[float]) -> list[float]:
     """Inverse products of the differences of a window's times; zeros before those of a window that is not full."""
-    factors = [0.0] * (WINDOW - len(times))
-    for a in times:
-        product = 1.0
-        for b in times:
-            if b != a:
-                product *= a - b
-        factors.append(1.0 / product)
-    return factors
+    factors = [1.0 / math.prod([a - b for b in times if b != a]) for a in times]
+    return [0.0] * (WINDOW - len(times)) + factors

@@ -53,14 +53,9 @@ def search_delay(
     end = max(float(s.t[-1]), float(s.t[0]) + _KNOT_GAP_S)
     # One kernel, knots far apart and wide weights: only the delay counts here.
     problem = Problem(model, carrier, s, np.arange(float(s.t[0]) - 0.01, end + _KNOT_GAP_S + 0.1, _KNOT_GAP_S))
-    bank = list(_starts(model))
-    middle, gap = bank[len(bank) // 2]
-    problem.leave_out_far_surveys(_Descent(problem, middle, gap, known).state)
-    yield
-    starts: list[_Descent] = []
-    for start, gap in bank:
-        starts.append(_Descent(problem, start, gap, known))  # in its piece: all together would be the largest one
-        starts[-1].step()
+    starts = [_Descent(problem, start, gap, known) for start, gap in _starts(model)]
+    for descent in starts:
+        descent.step()
         yield
     costs = []
     for descent in starts:
@@ -112,14 +107,14 @@ class _Descent:
         shared[CAMERA_DELAY] = start
         errors = np.zeros((len(problem.knots), 3))
         surveyed = {k: v for k, v in known.items() if problem.model.target(k).surveyed}
-        self.state = State(shared, problem.first_targets(shared, errors, surveyed), errors)
+        self._state = State(shared, problem.first_targets(shared, errors, surveyed), errors)
         self._log_det = 0.0
         self._linearised: tuple[Projection, WeightedSightings, Array] | None = None
 
     def _linearise(self) -> tuple[Projection, WeightedSightings]:
         problem = self._problem
         if self._linearised is None:
-            projection = problem.linearise(self.state, QUICK)
+            projection = problem.linearise(self._state, QUICK)
             noise = sighting_noise(problem, projection, QUICK)
             weighted = noise._replace(weight=noise.weight * wide_weights(noise.distance2))
             self._linearised = projection, weighted, problem.slope
@@ -129,11 +124,11 @@ class _Descent:
     def step(self) -> None:
         """One iteration."""
         projection, weighted = self._linearise()
-        found = gauss_newton_step(self._problem, self.state, projection, weighted, QUICK, likelihood=True)
+        found = gauss_newton_step(self._problem, self._state, projection, weighted, QUICK, likelihood=True)
         step, self._log_det = found.step, found.log_determinant
-        delay = float(self.state.shared[CAMERA_DELAY])
+        delay = float(self._state.shared[CAMERA_DELAY])
         step[CAMERA_DELAY] = min(max(delay + step[CAMERA_DELAY], self._least), self._most) - delay
-        self.state, self._linearised = self.state.plus(step), None
+        self._state, self._linearised = self._state.plus(step), None
 
     def cost(self) -> float:
         """Twice a negative log likelihood, up to a constant.
@@ -142,7 +137,7 @@ class _Descent:
         shaking is in step with the frames a wrong delay within the prior fits almost as well.
         """
         projection, weighted = self._linearise()
-        deviation = self._problem.deviation(self.state)
+        deviation = self._problem.deviation(self._state)
         most = CONTRADICTION_SIGMAS * float(self._problem.model.priors.sigma[CAMERA_DELAY])
         deviation[CAMERA_DELAY] = min(max(deviation[CAMERA_DELAY], -most), most)
         distance2 = np.where(projection.visible, weighted.distance2, 1e6)
@@ -151,5 +146,5 @@ class _Descent:
 
     def mode(self, cost: float) -> DelayMode:
         """The state reached."""
-        targets = dict(zip(self._problem.ids.tolist(), self.state.targets, strict=True))
-        return DelayMode(cost, self.state.shared, targets)
+        targets = dict(zip(self._problem.ids.tolist(), self._state.targets, strict=True))
+        return DelayMode(cost, self._state.shared, targets)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -37,13 +38,12 @@ from fwav_companion.estimation.picture_poses import PictureAttitudes, PicturePat
 from fwav_companion.estimation.problem import Model
 from fwav_companion.estimation.range_readings import RangeReading
 from fwav_companion.estimation.sample_buffer import Span
-from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.estimation.solve import Estimate, SolveTask
 from fwav_companion.estimation.solve_schedule import SolveSchedule
 from fwav_companion.estimation.target_answers import target_answers
 from fwav_companion.estimation.target_pairs import near_pairs
 from fwav_companion.estimation.vehicle_path import VehiclePath
-from fwav_companion.estimation.wander import FIRST_KERNEL
+from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.types.tracks import FinalPlace
 
@@ -80,7 +80,7 @@ class Estimator:
         self.kept: Sightings | None = None
         self._new: list[Sightings] = []
         self._replayed: deque[Sightings] = deque(maxlen=_REPLAYED)
-        self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), FIRST_KERNEL)
+        self.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
         self.live: LiveFilter | None = None
         self.solves = 0
         self._dropped: set[int] = set()
@@ -105,10 +105,6 @@ class Estimator:
         """Add a rangefinder's reading with the beam's foot, m north and east; False: left out."""
         return self.carrier.ranges.append(reading, foot)
 
-    def add_size(self, reading: RangeReading, foot: tuple[float, float]) -> bool:
-        """Add the camera's height above the ground at a tag by its size, with the tag's place; False: left out."""
-        return self.carrier.sizes.append(reading, foot)
-
     def add_position(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
         """Add north, east, height (m) and their rates; reset: the report begins a new piece. False: left out."""
         return self._path.append(t, position, velocity, reset=reset)
@@ -127,13 +123,11 @@ class Estimator:
         alike: (D, T) pairs that may be one thing by their labels. beside: further targets that go with some of these.
         """
         live = self.live
-        if live is None or not len(s):
+        if live is None or not len(s) or not self.carrier.ready:
             return None
         live.predict(float(s.t[0]))
-        held = [i for i, k in enumerate(targets.tolist()) if k in live]
-        if len(held) < len(targets):
-            targets, alike = targets[held], alike[:, held]
-        detection, target = near_pairs(live, s, targets, alike)
+        held = np.array([k in live for k in targets.tolist()], np.bool_)
+        detection, target = near_pairs(live, s, targets[held], alike[:, held])
         if not len(detection):
             return None
         further = [i for i, k in enumerate(target.tolist()) if k in beside and beside[k] in live]
@@ -157,7 +151,7 @@ class Estimator:
             taught = s.select(detection[teaches]).with_targets(targets[teaches])
             self.record(taught)
             self._replayed.append(taught)
-        if self.live is not None:
+        if self.live is not None and self.carrier.ready:
             self.live.update(s, detection, targets)
 
     def record(self, s: Sightings) -> None:
@@ -181,12 +175,12 @@ class Estimator:
 
     def copy(self) -> Estimator:
         """A snapshot of all but the telemetry, which frames do not change: a late frame returns to it."""
-        other = shallow_copy(self)
+        other = copy.copy(self)
         other._new, other._replayed = list(self._new), self._replayed.copy()
         other.live = None if self.live is None else self.live.copy()
         other._whole_flight = None if self._whole_flight is None else self._whole_flight.copy()
         other._solved, other._dropped = set(self._solved), set(self._dropped)
-        other._schedule = shallow_copy(self._schedule)
+        other._schedule = copy.copy(self._schedule)
         return other
 
     def rename(self, old: int, new: int) -> None:
@@ -216,18 +210,19 @@ class Estimator:
         if self.live is not None:
             self.live.forget(target)
 
+    # Solves.
+
     def is_solve_due(self, now: float) -> bool:
         """Whether to solve: on a schedule; early where frames contradict, a target is new or the height has changed."""
-        is_due = self._schedule.is_due(now)
-        if not self._new or (self.solves and not (is_due or self._schedule.may_be_early(now))):
-            return False
-        if not self.carrier.shows_motion(now):
+        if not self._new or not self.carrier.shows_motion(now):
             return False
         if not self.solves:  # the first search needs sightings enough to tell delays apart
             span = abs(float(self._new[-1].t[-1] - self._new[0].t[0]))
             return len(self._new) >= _FIRST_FRAMES or span >= _FIRST_SPAN_S
+        if self._schedule.is_due(now) or not self._schedule.may_be_early(now):
+            return self._schedule.is_due(now)
         live = self.live
-        if is_due or live is None or self._has_new_target:
+        if live is None or self._has_new_target:
             return True
         change = abs(self._height(live, now) - self._solved_height_m)
         if change > _HEIGHT_CHANGE * max(self._solved_height_m, _LEAST_HEIGHT_M):
@@ -243,7 +238,7 @@ class Estimator:
         self.kept = s = thinned(in_order(s), now, self._budget)
         self._path.settle()
         self._prune(now, s)
-        wanders = self.model.noise.position_wander_m > 0
+        wanders = self.model.noise.position_wander_m > 0 and not self.model.consider
         parts = self._schedule.start(
             now, first=self.estimate.delay_sigma_s is None, wanders=wanders, is_doubtful=self._is_doubtful
         )

@@ -13,7 +13,6 @@ class ReportedMotion(NamedTuple):
     t: float  # s
     position: Array  # (3,) m north, east, height
     velocity: Array  # (3,) m/s
-    unmeasured_m: float  # one sigma of north and east, where samples are late
 
     def at(self, t: float) -> Array:
         """Position (3,) at a later instant, carried on by the velocity."""

@@ -16,6 +16,7 @@ from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import attitude_shift
 
 _ONE_INSTANT_S = 1e-6
+_FIRST = np.zeros(1, np.int64)
 
 
 class FramePoses:
@@ -26,7 +27,6 @@ class FramePoses:
         self._carrier, self._shift = carrier, attitude_shift(shared)
         self._delay, self._readout = float(shared[CAMERA_DELAY]), float(shared[READOUT])
         self._pose: tuple[float, Poses] | None = None
-        self.answered_t: float | None = None  # s, at which the present frame's answers are asked
 
     def pose(self, t: float) -> Poses:
         """The pose of a frame stamped t."""
@@ -37,16 +37,12 @@ class FramePoses:
         return self._pose[1]
 
     def _found(self, t: float) -> Poses:
-        # One more instant costs little here; the frame's answers need the motion at its own.
-        carrier, answered_t = self._carrier.as_in_time(t), t if self.answered_t is None else self.answered_t
-        last = min(answered_t, carrier.path.newest)
-        instants = np.array([t - self._delay, last])
-        path = carrier.path.at(instants)  # (3, 2) each
-        unmeasured_m = float(carrier.path.unmeasured_m(np.array([answered_t]))[0])
-        motion = ReportedMotion(last, path.position[:, 1], path.velocity[:, 1], unmeasured_m)
-        self._carrier.motions.keep(answered_t, motion)
-        pose = carrier.live_poses(instants[:1], self._shift, path.first())
-        return self._carrier.frames.keep((t, self._delay, self._shift), pose)
+        # The stamp's own instant costs nothing more here; the frame's answers need the motion then.
+        carrier = self._carrier.as_in_time(t)
+        last = min(t, carrier.path.newest)
+        both = self._at(np.array([t - self._delay, last]), carrier)
+        self._carrier.motions.keep(t, ReportedMotion(last, both.position[:, 1], both.velocity[:, 1]))
+        return self._carrier.frames.keep((t, self._delay, self._shift), both.take(_FIRST))
 
     def motion(self, t: float) -> ReportedMotion:
         """The reported motion at t; at the newest sample where t is later."""
@@ -55,9 +51,7 @@ class FramePoses:
             path = self._carrier.as_in_time(t).path
             last = min(t, path.newest)
             position, velocity, _ = path.at(np.array([last]))
-            unmeasured_m = float(path.unmeasured_m(np.array([t]))[0])
-            motion = ReportedMotion(last, position[:, 0], velocity[:, 0], unmeasured_m)
-            found = self._carrier.motions.keep(t, motion)
+            found = self._carrier.motions.keep(t, ReportedMotion(last, position[:, 0], velocity[:, 0]))
         return found
 
     def of(self, s: Sightings, detection: Ints, later_s: float = 0.0) -> Poses:
@@ -72,17 +66,20 @@ class FramePoses:
         key = (instants.tobytes(), self._shift)
         found = self._carrier.frames.get(key)
         if found is None:
-            carrier = self._carrier.as_in_time(float(s.t[0]))
-            found = self._carrier.frames.keep(key, carrier.live_poses(instants, self._shift))
+            found = self._carrier.frames.keep(key, self._at(instants, self._carrier.as_in_time(float(s.t[0]))))
         return found.take(detection)
 
     def found_together(self, stamps: list[float]) -> list[Poses]:
         """The poses of frames with these stamps, to be held one after the other."""
         carrier, frames = self._carrier.as_in_time(max(stamps)), self._carrier.frames
-        poses = carrier.live_poses(np.array(stamps) - self._delay, self._shift)
+        poses = self._at(np.array(stamps) - self._delay, carrier)
         keys = [(t, self._delay, self._shift) for t in stamps]
         return [frames.get(key) or frames.keep(key, poses.take(np.array([i]))) for i, key in enumerate(keys)]
 
     def hold(self, t: float, pose: Poses) -> None:
         """Use this pose for the frame stamped t."""
         self._pose = t, pose
+
+    def _at(self, t: Array, carrier: Carrier) -> Poses:
+        """Poses at instants (N,) of the carrier's own time."""
+        return carrier.poses(t, carrier.live_rates(t, self._shift), self._shift)

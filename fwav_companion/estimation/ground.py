@@ -34,7 +34,7 @@ class LevelGround:
 
     def height(self, place: Array) -> tuple[Array, Array]:
         """Constant, without slope."""
-        return np.zeros(place.shape[1]) + self.height_m, np.zeros(place.shape)
+        return np.full(place.shape[1], self.height_m), np.zeros_like(place)
 
 
 @dataclass(frozen=True)

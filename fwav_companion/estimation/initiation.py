@@ -19,7 +19,7 @@ from fwav_companion.estimation.measurement import Poses, feet, project
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, attitude_shift, error_processes, in_solution
 from fwav_companion.estimation.smoother import common_noise
-from fwav_companion.estimation.wander import FIRST_KERNEL
+from fwav_companion.estimation.wander import SMOOTH
 
 LEAST_FRAMES = 4  # of a cluster that is a target
 _GATE2 = 9.0  # squared distance of a ground point from its cluster, by the covariance of both
@@ -37,9 +37,8 @@ def filter_before_solves(model: Model, carrier: Carrier, t: float) -> LiveFilter
 
     The delay may be as far off as the first search will look: else its sightings of one target would not meet.
     """
-    wanders = in_solution(error_processes(model, carrier, FIRST_KERNEL), carrier, t)
-    unsettled = carrier.path.unsettled(t)
-    level, up = (float(w.covariance(np.zeros(1))[0]) + more for w, more in zip(wanders, unsettled, strict=True))
+    wanders = in_solution(error_processes(model, carrier, SMOOTH), carrier, t)
+    level, up = (float(w.covariance(np.zeros(1))[0]) for w in wanders)
     mean = np.concatenate([model.priors.mean, np.zeros(_CURVED + 3)])
     sigma = model.priors.sigma.copy()
     if not model.consider:
@@ -120,7 +119,7 @@ def quarter_turns(camera_axis: Array) -> list[Array]:
 def sight_poses(carrier: Carrier, s: Sightings, shared: Array) -> Poses:
     """Poses (N) of sightings at the shared parameters (S,): those of all turns of the mount."""
     instants, shift = s.t - shared[CAMERA_DELAY] - s.row * shared[READOUT], attitude_shift(shared)
-    return carrier.live_poses(instants, shift)
+    return carrier.poses(instants, carrier.live_rates(instants, shift), shift)
 
 
 def cluster(

@@ -7,7 +7,7 @@ different linearisation points creates information in directions that no sightin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,18 +38,11 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.t)
 
-    @property
-    def unseen_rad(self) -> float:
-        """Root mean square of what the frames' own attitudes add to the noise."""
-        return 0.0 if self.own_noise is None or not len(self) else float(np.sqrt(np.mean(self.own_noise[0] ** 2)))
-
     def select(self, which: Bools | Ints) -> Sightings:
         """Those of a mask (N,) or of indices."""
         if which.dtype == np.bool_ and bool(which.all()):
             return self
         i = np.flatnonzero(which) if which.dtype == np.bool_ else which
-        if len(i) == len(self) == 1:
-            return self
         own = None if self.own_noise is None else self.own_noise.take(i, -1)
         return Sightings(
             self.t[i], self.rays.take(i, -1), self.tangents.take(i, -1), self.frame[i], self.target[i], self.row[i], own
@@ -57,7 +50,7 @@ class Sightings:
 
     def with_targets(self, target: Ints) -> Sightings:
         """The same detections, of other targets."""
-        return Sightings(self.t, self.rays, self.tangents, self.frame, target, self.row, self.own_noise)
+        return replace(self, target=target)
 
 
 def frame_of(number: int, t: Array, rays: Array, tangents: Array) -> Sightings:

@@ -1,23 +1,23 @@
 """Extended Kalman filter between two solves (Jazwinski 1970): shared parameters, targets, the error now.
 
 It starts at every solve's mean and covariance, so its linearisation errors do not add up. The shared parameters are
-considered (Schmidt 1966): solves alone estimate them, but for the height's constant error by the sizes of tags. A
-frame's derivative by the height or a delay contains the path's noise, an error in the variables (Fuller 1987) that a
-recursive update turns into information: in a hover at 1 m the height moved by 0.9 m in four seconds, claimed to 0.1 m,
-and every solve moved it back. Targets beyond the first ten are Schmidt states, too: each has a mean, a covariance and a
-covariance with the rest, is updated by its own sightings, moves when the rest moves, and does not teach. The cost is
-linear in their number. A new target, also one that moves (``moving``), begins as such a state by its first sighting
-(``SchmidtTargets``).
+considered (Schmidt 1966): solves alone estimate them. A frame's derivative by the height or a delay contains the path's
+noise, an error in the variables (Fuller 1987) that a recursive update turns into information: in a hover at 1 m the
+height moved by 0.9 m in four seconds, claimed to 0.1 m, and every solve moved it back. Targets beyond the first ten are
+Schmidt states, too: each has a mean, a covariance and a covariance with the rest, is updated by its own sightings,
+moves when the rest moves, and does not teach. The cost is linear in their number. A new target, also one that moves
+(``moving``), begins as such a state by its first sighting (``SchmidtTargets``).
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import replace
 
 import numpy as np
 
-from fwav_companion.estimation.errors import HEIGHT, POSITION_DELAY, Array, Ints
+from fwav_companion.estimation.errors import POSITION_DELAY, Array, Ints
 from fwav_companion.estimation.frame_linearisation import linearise_pairs
 from fwav_companion.estimation.frame_poses import FramePoses
 from fwav_companion.estimation.frame_prediction import GATE2, FramePrediction, LinearisedPairs, pair_distances
@@ -25,9 +25,7 @@ from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import BREAK_MARGIN_S, Model, in_solution
-from fwav_companion.estimation.range_readings import RangeReadings
-from fwav_companion.estimation.schmidt_targets import SchmidtTargets, divided_by
-from fwav_companion.estimation.snapshots import shallow_copy
+from fwav_companion.estimation.schmidt_targets import SchmidtTargets
 from fwav_companion.estimation.wander import ErrorAgeing, Wander, jumps
 
 TEACHING = 10  # targets whose sightings update the error and each other
@@ -62,7 +60,7 @@ class LiveFilter:
         self._seen_t = t  # s, of the newest sighting or reading that corrected the error
         self._wander_as(in_solution(wanders, carrier, t))
         self._stepped_s = t  # of the newest step of the report that is taken
-        self._reading_t = {False: t, True: t}  # s, of the newest reading that is used: a rangefinder's, a tag's size
+        self._reading_t = t  # s, of the newest reading of the rangefinder that is used
         self.surprise, self.used, self.refused = 0.0, 0, 0  # sums since the solve: distance, sightings, gated
         self.version = 0  # grows with every change of means or covariances
         self.poses = FramePoses(carrier, self.mean[: self.size])
@@ -73,7 +71,7 @@ class LiveFilter:
 
     def copy(self) -> LiveFilter:
         """A snapshot that later frames do not change."""
-        other = shallow_copy(self)
+        other = copy.copy(self)
         other.mean, other.covariance, other.others = self.mean.copy(), self.covariance.copy(), self.others.copy()
         other.poses = FramePoses(self.carrier, other.mean[: self.size])
         return other
@@ -94,11 +92,6 @@ class LiveFilter:
         ]
         return np.array(rows).reshape(-1, TARGET_SIZE).T
 
-    def begin_frame(self, t: float) -> None:
-        """Age the error to a frame at t, at which its answers are asked."""
-        self.poses.answered_t = t
-        self.predict(t)
-
     def predict(self, t: float) -> None:
         """Age the error to the time t."""
         if t <= self.t:
@@ -108,7 +101,6 @@ class LiveFilter:
         if keep.min() < 1.0:
             self._fade(e, keep)
         self.covariance[e, e] += added
-        self._settle(t)
         self._change_solution(t)
         self.version += 1
         if self.carrier.path.breaks:
@@ -118,17 +110,6 @@ class LiveFilter:
             self._stepped_s = max([b.after for b in self.carrier.path.breaks if b.after <= t], default=self._stepped_s)
         self.others.predict(t - self.t)
         self.t = t
-        if self.carrier.sizes.began:  # before the frame's pairs: a target is seen from this height
-            self._update_by_height(self.carrier.sizes)
-
-    def _settle(self, t: float) -> None:
-        """Add by how much the path's first samples until t move it."""
-        path = self.carrier.path
-        if path.settling and self.t < path.settling[-1].t:
-            (level, up), (level_now, up_now) = path.unsettled(self.t), path.unsettled(t)
-            self.covariance[self.errors, self.errors] += np.maximum(
-                0.0, [level - level_now, level - level_now, up - up_now]
-            )
 
     def _fade(self, errors: Ints, keep: Array) -> None:
         """Multiply errors (k,), and their covariances with everything, by factors (k,)."""
@@ -237,86 +218,64 @@ class LiveFilter:
 
     def update(self, s: Sightings, detection: Ints, targets: Ints) -> None:
         """Take pairs (M,) of one frame's detections and targets; targets that it does not hold are left out."""
-        held = [i for i, k in enumerate(targets.tolist()) if k in self]
-        if not held:
-            return
-        if len(held) < len(targets):
+        held = np.array([k in self for k in targets.tolist()], np.bool_)
+        if not held.all():
             detection, targets = detection[held], targets[held]
+        if not len(targets):
+            return
         self.predict(float(s.t[0]))
         early, late = self.t - BREAK_MARGIN_S, self.t + BREAK_MARGIN_S
         if any(b.before < late and early < b.after for b in self.carrier.path.breaks):
             return
-        self._update_by_height(self.carrier.ranges)
+        self._update_by_range()
         frame, pairs = self._frame, None
         if frame is not None and frame[0] is s:
             pairs = frame[1].of(detection, targets)
         if pairs is None:
             pairs = linearise_pairs(self, s, detection, targets)
-        numbers = pairs.target.tolist()
-        for teaches in (True, False):
-            which = [i for i, k in enumerate(numbers) if (k in self.at) == teaches]
-            if which:
-                self._take(pairs if len(which) == len(numbers) else pairs.select(np.array(which)), teaches=teaches)
-
-    def _take(self, pairs: LinearisedPairs, *, teaches: bool) -> None:
-        """Take pairs of targets that all teach, or all do not; those in their gates."""
-        frame, count = self._frame, len(pairs.target)
-        found = frame[2] if frame is not None and frame[1] is pairs else self._innovations(pairs)
-        (use,) = (found.visible & (found.distance2 < GATE2)).nonzero()
-        self.used += len(use)
-        self.refused += count - len(use)
-        self.surprise += sum(found.distance2[use].tolist())
-        if not len(use):
-            return
-        if not teaches:
-            self._update_others(found, pairs, use)
-            return
-        h, covariance, residual = pairs.base.reshape(2 * count, -1), found.covariance, found.residual
-        if len(use) < count:
+        teaches = np.array([k in self.at for k in pairs.target.tolist()], np.bool_)
+        for which in (np.flatnonzero(teaches), np.flatnonzero(~teaches)):
+            if not len(which):
+                continue
+            part = pairs if len(which) == len(teaches) else pairs.select(which)
+            frame = self._frame
+            found = frame[2] if frame is not None and frame[1] is part else self._innovations(part)
+            use = np.flatnonzero(found.visible & (found.distance2 < GATE2))
+            self.used += len(use)
+            self.refused += len(which) - len(use)
+            self.surprise += float(found.distance2[use].sum())
             rows = found.rows(use)
-            h, covariance, residual = h[rows], covariance[rows[:, None], rows], residual[rows]
-        self._correct(h, covariance, residual)
+            if len(use) and teaches[which[0]]:
+                h = part.base.reshape(-1, len(self.mean))[rows]
+                self._correct(h, found.covariance[rows[:, None], rows], found.residual[rows])
+            elif len(use):
+                self._update_others(found, part, use)
 
-    def _update_by_height(self, source: RangeReadings) -> None:
-        """Take the newest reading of the height, at most a few in a second: they see the same ground again.
-
-        A tag's size also corrects the height's constant error: without it a camera whose barometer is a metre off is
-        below the ground where it lands, and sees nothing. Its readings have no gate: a pad's tags agree already.
-        """
-        found = source.newest(self._reading_t[source.of_targets] + _READING_GAP_S, self.t)
+    def _update_by_range(self) -> None:
+        """Take the newest reading of a rangefinder, at most a few in a second: they see the same ground again."""
+        found = self.carrier.ranges.newest(self._reading_t + _READING_GAP_S, self.t)
         if found is None:
             return
         reading, foot = found
-        self._reading_t[source.of_targets] = reading.t
+        self._reading_t = reading.t
         position, velocity, calm = (a[:, 0] for a in self.carrier.path.at(np.array([reading.t])))
         h = np.zeros((1, len(self.mean)))
         h[0, POSITION_DELAY], h[0, self.error + 2] = calm[2], -1.0
         ground, _ = self.model.ground.height(foot[:, None])
         predicted = position[2] + velocity[2] * self.mean[POSITION_DELAY] - self.mean[self.error + 2] - ground[0]
-        variance = reading.sigma_m**2 + reading.shared_m**2
-        if source.of_targets:
-            h[0, HEIGHT] = -1.0
-            predicted -= self.mean[HEIGHT]
-        else:
-            variance += self.model.noise.roughness_m**2
+        variance = reading.sigma_m**2 + self.model.noise.roughness_m**2
         s = h @ self.covariance @ h.T + variance
         residual = np.array([reading.height_m - predicted])
-        if source.of_targets or float(residual[0]) ** 2 < _READING_GATE2 * float(s[0, 0]):
-            self._correct(h, s, residual, of_height=source.of_targets)
+        if float(residual[0]) ** 2 < _READING_GATE2 * float(s[0, 0]):
+            self._correct(h, s, residual)
 
-    def _correct(self, h: Array, s: Array, r: Array, *, of_height: bool = False) -> None:
-        """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,).
-
-        of_height: the height's constant error, too.
-        """
+    def _correct(self, h: Array, s: Array, r: Array) -> None:
+        """Correct by measurements (m,): rows (m, n) of the base state, innovation covariance (m, m), residuals (m,)."""
         self._change()
         self._seen_t = self.t
         carried = self.covariance @ h.T  # (n, m)
-        gain = divided_by(s, carried)
-        of_constant = gain[HEIGHT].copy()
+        gain = np.linalg.solve(s, carried.T).T
         gain[: self.size] = 0.0
-        if of_height:
-            gain[HEIGHT] = of_constant
         self.mean = self.mean + gain @ r
         # Joseph's form (Bucy & Joseph 1968) in full: right also for the rows of a gain that were set to zero.
         left = gain @ carried.T

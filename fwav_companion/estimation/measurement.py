@@ -85,9 +85,8 @@ def project(
     sight = np.empty((3, count))  # camera to target, NED
     sight[:2] = target[:2] - camera[:2]
     sight[2] = camera[2] - shared[HEIGHT] - target[2]
-    sight += apply(
-        poses.rotation, shared[LEVER, None]
-    )  # the reported lever is too large by the error: the true camera is nearer to the position by it
+    lever = np.einsum("ijn,j->in", poses.rotation, shared[LEVER])
+    sight += lever  # the reported lever is too large by the error: the true camera is nearer to the position by it
     height = sight[2].copy()
 
     bearing = float(shared[HEADING]) + (float(shared[GIMBAL_HEADING]) if len(shared) == GIMBAL_SHARED else 0.0)
@@ -105,8 +104,8 @@ def project(
     mount, mount_jacobian = rotation_and_jacobian(shared[MOUNT])
     x = mount @ v  # reported mount = Exp(error) true mount: the nominal camera's directions are turned by the error
 
-    depth = np.add.reduce(x * rays, 0)
-    visible = depth > LEAST_COSINE * np.sqrt(np.add.reduce(x * x, 0))
+    depth = np.einsum("in,in->n", x, rays)
+    visible = depth > LEAST_COSINE * np.sqrt(np.einsum("in,in->n", x, x))
     all_visible = bool(visible.all())
     if not all_visible:
         depth = np.where(visible, depth, 1.0)
@@ -167,7 +166,7 @@ def true_rays(poses: Poses, rays: Array, shared: Array) -> Array:
 def camera_positions(poses: Poses, shared: Array, error: Array) -> Array:
     """True camera positions (3, N): north, east, height, by the estimate."""
     camera = poses.position + poses.velocity * shared[POSITION_DELAY] - error
-    lever = apply(poses.rotation, shared[LEVER, None])
+    lever = np.einsum("ijn,j->in", poses.rotation, shared[LEVER])
     camera[:2] -= lever[:2]
     camera[2] += lever[2] - shared[HEIGHT]
     return np.asarray(camera)

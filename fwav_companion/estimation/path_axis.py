@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-# Reported velocities are wrong by 0.05 m/s, correlated over 0.1 s; one that comes later counts until the next one.
+# Reported velocities are wrong by 0.05 m/s, correlated over 0.1 s.
 VELOCITY_SIGMA_M_S = 0.05
 VELOCITY_NOISE = VELOCITY_SIGMA_M_S**2 * 0.1  # m^2/s
 _LEAST_NOISE_M = 0.004  # GLOBAL_POSITION_INT has steps of 1.1 cm: a third of one
@@ -28,11 +28,7 @@ class PathAxis:
         if self.filtered:
             mean, variance = self.filtered[-1]
             moved = mean + increment_m if self.driven else mean
-            self.predicted.append((moved, variance + self._noise_over(dt_s) * dt_s))
-
-    def _noise_over(self, dt_s: float) -> float:
-        """Process noise (m^2/s) over one step."""
-        return max(self.process_noise, VELOCITY_SIGMA_M_S**2 * dt_s) if self.driven else self.process_noise
+            self.predicted.append((moved, variance + self.process_noise * dt_s))
 
     def innovation_sigmas(self, z: float) -> float:
         """Absolute innovation over its standard deviation."""
@@ -71,16 +67,10 @@ class PathAxis:
         values.reverse()
         return values
 
-    def unsettled(self, step_s: float) -> float:
-        """Variance (m^2) of the newest filtered value beyond that of a long path."""
-        grown = self.process_noise * step_s
-        settled = 0.5 * (math.sqrt(grown * (grown + 4.0 * self.r)) - grown)
-        return max(0.0, self.filtered[-1][1] - settled)
-
     def remaining_noise(self, step_s: float) -> tuple[float, float]:
         """Standard deviation (m) and correlation time (s) of the smoothed coordinate's error.
 
         Steady state of the random walk with white noise: the smoother's variance is sqrt(q r dt) / 2.
         """
-        r, q = self.noise_m**2 * max(0.1, step_s), self._noise_over(step_s)
-        return (q * r) ** 0.25 / math.sqrt(2.0), max(0.05, math.sqrt(r / q))
+        r = self.noise_m**2 * max(0.1, step_s)
+        return (self.process_noise * r) ** 0.25 / math.sqrt(2.0), max(0.05, math.sqrt(r / self.process_noise))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -43,38 +42,10 @@ class PathNoise(NamedTuple):
     up: tuple[float, float]  # m, s
 
 
-class Settling(NamedTuple):
-    """Variances of the path's filters at one of their first samples, beyond those of a long path."""
-
-    t: float  # s
-    level: float  # m^2
-    up: float  # m^2
-
-    def at(self) -> float:
-        """Its instant, s."""
-        return self.t
-
-
-class PathPoints(NamedTuple):
-    """The path at N instants."""
-
-    position: Array  # (3, N) m north, east, height
-    velocity: Array  # (3, N) m/s
-    calm: Array  # (3, N) m/s, without its noise, for derivatives
-
-    def first(self) -> PathPoints:
-        """At the first instant alone."""
-        return PathPoints(self.position[:, :1], self.velocity[:, :1], self.calm[:, :1])
-
-
-CALM_S = 1.25  # half of the span of a fit to the velocities: a turn of 0.7 rad/s is less than 1 % off at its middle
+CALM_S = 1.0  # span of the displacement that is the calm velocity
 POSITION, VELOCITY, CALM = slice(0, 3), slice(3, 6), slice(6, 9)
-_LEAST_FITTED = 2  # samples on each side, where they are slow
-_UNEVEN = 1.2  # of the fit's span: samples do not come evenly
-_FIT_RIDGE = np.diag([0.0, 1e-6, 1e-6])  # one or two samples alone: a constant, a line
 ANOTHER_ACCURACY = 3.0
 """Ratio of two accuracies that are of different solutions of a receiver: with corrections, without, float."""
-UNMEASURED_M_S2 = 3.0  # one sigma of an acceleration: a small vehicle that banks at 17 degrees
 _LATE_S = 0.15  # a frame whose telemetry is further ahead is late, or is processed again
 _RECENT_S = 3.0  # of the telemetry that places a frame: rates and delays reach back for less
 _SMOOTHED_AGAIN = 120  # samples of a snapshot: twelve seconds at 10 Hz, some time constants
@@ -91,7 +62,6 @@ class PathSamples:
     noise: PathNoise
     accuracies: list[Accuracy] = field(default_factory=list)  # in order of time; empty: as configured
     axes: Sequence[PathAxis] = ()  # the filters of north, east and height behind the smoothed ones
-    settling: list[Settling] = field(default_factory=list)  # in order of time, of the present piece
     step_s: float = 0.1  # between two samples
     motion_share: Array = field(default_factory=lambda: np.zeros((3, 1)))  # of the velocities about the calm ones
 
@@ -107,12 +77,11 @@ class PathSamples:
     @property
     def newest(self) -> float:
         """Time of the newest sample, s."""
-        return self.buffer.newest
+        return float(self.buffer.times[-1])
 
     def copy(self, span: Span = ALL) -> PathSamples:
         """A snapshot of a span of time, smoothed by nothing that is later."""
         other = replace(self, buffer=self.buffer.copy(span), breaks=list(self.breaks), accuracies=list(self.accuracies))
-        other.settling = list(self.settling)
         later = len(self.buffer) - self.buffer.count_until(span.until)
         if later and len(other.buffer):
             other.smooth(min(len(other.buffer), _SMOOTHED_AGAIN), later)
@@ -143,24 +112,20 @@ class PathSamples:
             values[5, inner:] = np.gradient(values[2], t)[inner:]
 
     def _calm(self, first: int) -> None:
-        """Velocities for derivatives: a fit over two seconds, and of the rest the share that is motion.
+        """Velocities for derivatives: displacement over a second, and of the rest the share that is motion.
 
         The derivatives by both delays are the velocity. Its noise has made the path wrong in the same way and so looks
-        like a delay (claimed to 24 of 50 ms, wrong by 140 ms). The displacement of the path has more of that noise than
-        a fit to the velocities: 0.09 of 2 m/s against 0.03 at 3 Hz, 0.05 against 0.02 at 10 Hz.
+        like a delay (claimed to 24 of 50 ms, wrong by 140 ms).
         """
-        values, reach = self.buffer.values, fitted_samples(self.step_s)
-        start = max(0, first - reach)
-        slow = fitted_velocities(self.buffer.times, values[VELOCITY], start, self.step_s)
-        values[CALM, start:] = slow + self.motion_share * (values[VELOCITY, start:] - slow)
-
-    def unsettled(self, t: float) -> tuple[float, float]:
-        """Variances (m^2) of north and east, and of up, by which the path is worse at t than a long one.
-
-        The first sample has its whole noise, and each one more moves the path by what it improves it.
-        """
-        i = bisect_right(self.settling, t, key=Settling.at) - 1
-        return (self.settling[i].level, self.settling[i].up) if i >= 0 else (0.0, 0.0)
+        t, values = self.buffer.times, self.buffer.values
+        n, half = len(t), max(1, round(0.5 * CALM_S / self.step_s))
+        if n <= 2 * half:
+            return
+        index = np.arange(max(0, first - half), n)
+        centre = index.clip(half, n - 1 - half)
+        displacement = values[POSITION].take(centre + half, 1) - values[POSITION].take(centre - half, 1)
+        slow = displacement / (t[centre + half] - t[centre - half])
+        values[CALM, index[0] :] = slow + self.motion_share * (values[VELOCITY, index[0] :] - slow)
 
     def add_accuracy(self, t: float, sigma_m: float) -> None:
         """Take the receiver's accuracy: a small change widens what has been claimed, a large one begins a new piece."""
@@ -184,67 +149,36 @@ class PathSamples:
         piece = np.array([each.t for each in self.accuracies[1:]]).searchsorted(t, side="right")
         return piece, np.array([each.sigma_m for each in self.accuracies])[piece]
 
-    def unmeasured_m(self, t: Array) -> Array:
-        """One sigma (N,) m of north and east at instants (N,) for which the samples are late: the vehicle turns."""
-        late_s = np.maximum(t - self.newest - self.step_s, 0.0)
-        return np.asarray(0.5 * UNMEASURED_M_S2 * late_s * late_s)
-
-    def at(self, t: Array) -> PathPoints:
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position by Hermite's cubic, velocity and calm velocity by straight lines; each (3, N) at instants (N,).
 
-        Beyond the ends the position goes on by the velocity there, north and east for one gap with its acceleration: a
-        turn goes on, a wing's heave does not, which a cubic carries on by twice its size. It does not bridge a step of
-        the report. One sample alone goes on by its velocity.
+        Beyond the ends the cubic goes on for one gap between samples at most. It does not bridge a step of the report.
+        One sample alone goes on by its velocity.
         """
         times, values = self.buffer.times, self.buffer.values
         if len(times) == 1:
             velocity = np.repeat(values[3:6], len(t), 1)
-            return PathPoints(values[:3] + values[3:6] * (t - times), velocity, velocity)
+            return values[:3] + values[3:6] * (t - times), velocity, velocity
         i = np.minimum(np.maximum(times.searchsorted(t) - 1, 0), len(times) - 2)
-        a, begin = values.take(i, 1), times.take(i)
-        change = values.take(i + 1, 1) - a  # (9, N)
+        a, b, begin = values.take(i, 1), values.take(i + 1, 1), times.take(i)
         h = times.take(i + 1) - begin
-        s = np.minimum(np.maximum((t - begin) / h, 0.0), 1.0)
-        later, v0, v1 = _hermite(s, h)
-        velocities = a[3:] + s * change[3:]
-        beyond = t - begin - s * h
-        turn = np.minimum(np.maximum(beyond, -h), h)
-        position = a[:3] + later * change[:3] + (v0 + v1) * a[3:6] + v1 * change[3:6] + beyond * velocities[:3]
-        position[:2] += turn * (beyond - 0.5 * turn) / h * change[3:5]
+        s = (t - begin) / h
+        p0, p1, v0, v1 = _hermite(np.minimum(np.maximum(s, -1.0), 2.0), h)
+        velocities = a[3:] + np.minimum(np.maximum(s, 0.0), 1.0) * (b[3:] - a[3:])
+        position = p0 * a[:3] + p1 * b[:3] + v0 * a[3:6] + v1 * b[3:6]
         for step in self.breaks:  # the report has not stepped yet: on by the velocity
             between = (t > step.before) & (t < step.after)
             if between.any():
                 position[:, between] = (a[:3] + a[3:6] * (t - begin))[:, between]
-        return PathPoints(position, velocities[:3], velocities[3:])
+        return position, velocities[:3], velocities[3:]
 
 
-def fitted_samples(step_s: float) -> int:
-    """Samples on each side of a fitted velocity."""
-    return max(_LEAST_FITTED, round(CALM_S / step_s))
-
-
-def fitted_velocities(t: Array, velocity: Array, first: int, step_s: float) -> Array:
-    """Parabolas through the velocities (3, n) at times (n,) s about each sample from `first` on: (3, n - first).
-
-    Least squares over `CALM_S` on each side, less at an end (Savitzky & Golay 1964); step_s: between two samples.
-    """
-    half = fitted_samples(step_s)
-    centre = np.arange(first, len(t))
-    index = centre[:, None] + np.arange(-half, half + 1)  # (m, 2 half + 1)
-    inside = (index >= 0) & (index < len(t))
-    index = index.clip(0, len(t) - 1)
-    x = (t[index] - t[centre, None]) / CALM_S
-    used = inside & (np.abs(x) < max(1.0, half * step_s / CALM_S) * _UNEVEN)  # none beyond a gap
-    basis = np.stack([used * 1.0, used * x, used * x * x], -1)  # (m, 2 half + 1, 3)
-    normal = basis.swapaxes(1, 2) @ basis + _FIT_RIDGE  # (m, 3, 3)
-    weights = np.linalg.solve(normal, basis.swapaxes(1, 2))[:, 0]  # (m, 2 half + 1), of the value at the centre
-    return np.asarray((velocity[:, index] * weights).sum(-1))
-
-
-def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array]:
-    """Weights of the later position, the earlier one having the rest, and of both velocities at part s of gap h."""
-    s2, scaled = s * s, (1.0 - s) * h
-    return s2 * (3.0 - 2.0 * s), (s - s2) * scaled, -s2 * scaled
+def _hermite(s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
+    """Weights of the two positions and the two velocities at the part s of a gap h."""
+    s2 = s * s
+    later = s2 * (3.0 - 2.0 * s)
+    rest = 1.0 - s
+    return 1.0 - later, later, s * rest * rest * h, -s2 * rest * h
 
 
 class CarrierRates(NamedTuple):
@@ -262,7 +196,7 @@ class Carrier:
         self.path, self.body, self.gimbal = path, attitudes, gimbal
         self.attitudes = attitudes if gimbal is None else gimbal
         self.yaw_from_north = False  # the gimbal's attitudes: about north instead
-        self.ranges, self.sizes = RangeReadings(), RangeReadings(of_targets=True)
+        self.ranges = RangeReadings()
         self.frames: FrameCache[Poses] = FrameCache()
         self.motions: FrameCache[ReportedMotion] = FrameCache()
         self._motion_shares: dict[bool, Array] = {}  # of the body's rates, of the gimbal's
@@ -271,15 +205,9 @@ class Carrier:
         """A snapshot of a span of time, as a frame captured at its end has it in time."""
         gimbal = None if self.gimbal is None else self.gimbal.copy(span)
         other = Carrier(self.body.copy(span), self.path.copy(span), gimbal=gimbal)
-        other.ranges, other.sizes = self.ranges.copy(span), self.sizes.copy(span)
-        other.yaw_from_north = self.yaw_from_north
+        other.ranges, other.yaw_from_north = self.ranges.copy(span), self.yaw_from_north
         other._motion_shares = dict(self._motion_shares)
         return other
-
-    @property
-    def height_readings(self) -> tuple[RangeReadings, RangeReadings]:
-        """Readings of the height by a rangefinder, and by the sizes of tags."""
-        return self.ranges, self.sizes
 
     @property
     def ready(self) -> bool:
@@ -318,60 +246,46 @@ class Carrier:
         self.body.keep_near(instants, margin_s)
         if self.gimbal is not None:
             self.gimbal.keep_near(instants, margin_s)
-        for source in self.height_readings:
-            source.keep_near(instants, margin_s)
+        self.ranges.keep_near(instants, margin_s)
 
-    def rates(self, t: Array, shift: float = 0.0, unseen_rad: float = 0.0) -> CarrierRates:
-        """Rates at many instants (N,): the slow ones, and of the fast ones what is motion.
+    def rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
+        """Rates at many instants (N,): the slow ones, and of the fast ones what is motion."""
+        return self._rates(t, shift, adapt=True)
 
-        unseen_rad: one sigma of the motion that the attitudes' interpolation misses.
-        """
-        return self._rates(t, shift, unseen_rad)
+    def live_rates(self, t: Array, shift: float = 0.0) -> CarrierRates:
+        """Rates at a few instants, with the share of motion that was last found."""
+        return self._rates(t, shift, adapt=False)
 
-    def live_poses(self, t: Array, shift: float = 0.0, path: PathPoints | None = None) -> Poses:
-        """Poses at a few instants (N,), rates with the share of motion that was last found; path: `path.at(t)`."""
-        path = self.path.at(t) if path is None else path
-        if self.gimbal is not None:
-            return self._posed(self._rotation(t, shift), path, self._rates(t, shift))
-        q, fast, slow = self.body.attitudes_and_rates(t + shift)
-        return self._posed(matrices(q), path, CarrierRates(self._mixed(fast, slow)))
-
-    def _rates(self, t: Array, shift: float, unseen_rad: float | None = None) -> CarrierRates:
+    def _rates(self, t: Array, shift: float, *, adapt: bool) -> CarrierRates:
         if self.gimbal is None:
-            return CarrierRates(self._denoised(self.body, t + shift, unseen_rad))
-        own = self._denoised(self.gimbal, t + shift, unseen_rad)
+            return CarrierRates(self._denoised(self.body, t + shift, adapt=adapt))
+        own = self._denoised(self.gimbal, t + shift, adapt=adapt)
         if self.yaw_from_north:
             return CarrierRates(own)
         # The heading turns the gimbal about down: its rate from the body's (Euler's kinematic equation).
-        _, q, r = self._denoised(self.body, t, unseen_rad)
+        _, q, r = self._denoised(self.body, t, adapt=adapt)
         right, down = matrices(self.body.quaternions(t))[2, 1:]
         turn = (right * q + down * r) / np.maximum(right * right + down * down, _LEAST_LEVEL2)
         return CarrierRates(own + matrices(self.gimbal.quaternions(t + shift))[2] * turn, own)
 
-    def _denoised(self, attitudes: Attitudes, t: Array, unseen_rad: float | None) -> Array:
+    def _denoised(self, attitudes: Attitudes, t: Array, *, adapt: bool) -> Array:
         fast, slow = attitudes.fast_and_slow_rates(t)
         of_gimbal = attitudes is self.gimbal
-        if unseen_rad is not None:
-            self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow, unseen_rad)
-        return self._mixed(fast, slow, of_gimbal=of_gimbal)
-
-    def _mixed(self, fast: Array, slow: Array, *, of_gimbal: bool = False) -> Array:
+        if adapt:
+            self._motion_shares[of_gimbal] = attitudes.motion_share(t, fast, slow)
         return np.asarray(slow + self._motion_shares.get(of_gimbal, 0.0) * (fast - slow))
 
     def poses(self, t: Array, rates: CarrierRates, attitude_shift: float = 0.0) -> Poses:
         """Poses at instants (N,); rates enter derivatives only; a gimbal's attitude is taken `attitude_shift` later."""
-        return self._posed(self._rotation(t, attitude_shift), self.path.at(t), rates)
-
-    def _posed(self, rotation: Array, path: PathPoints, rates: CarrierRates) -> Poses:
-        """Poses by rotations (3, 3, N) ned_from_carrier and places."""
-        position, velocity, calm = path
+        rotation = self._rotation(t, attitude_shift)
+        position, velocity, calm = self.path.at(t)
         if self.gimbal is not None:  # its errors are about its own axes, also where it looks straight down
             return Poses(rotation, position, velocity, calm, rates.whole, _RIGHT, rates.own)
         right, down = rotation[2, 2], -rotation[2, 1]
         size = np.sqrt(right * right + down * down)
-        level = np.zeros(position.shape)
-        level[1:] = np.array([right, down]) / np.maximum(size, 1e-6)
-        if min(size.tolist()) <= 1e-6:  # vertical: the carrier's own axis
+        level = np.zeros_like(position)
+        level[1], level[2] = right / np.maximum(size, 1e-6), down / np.maximum(size, 1e-6)
+        if size.min() <= 1e-6:  # vertical: the carrier's own axis
             level[:, size <= 1e-6] = _RIGHT
         return Poses(rotation, position, velocity, calm, rates.whole, level)
 

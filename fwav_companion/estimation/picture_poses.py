@@ -11,7 +11,7 @@ import numpy as np
 
 from fwav_companion.estimation.attitudes import WINDOW, Attitudes
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.path_samples import PathNoise, PathPoints, PathSamples
+from fwav_companion.estimation.path_samples import PathNoise, PathSamples
 from fwav_companion.estimation.sample_buffer import ALL, SampleBuffer, Span
 
 _NO_NOISE = PathNoise((1e-6, 1.0), (1e-6, 1.0))
@@ -55,11 +55,11 @@ class PictureAttitudes(Attitudes):
         """Unit quaternions (4, N) at instants (N,)."""
         return np.asarray(self._samples.values[WINDOW:].take(nearest(self._samples.times, t), 1))
 
-    def attitudes_and_rates(self, t: Array) -> tuple[Array, Array, Array]:
-        """Quaternions (4, N), and zero (3, N), twice."""
-        return self.quaternions(t), np.zeros((3, len(t))), np.zeros((3, len(t)))
+    def fast_and_slow_rates(self, t: Array) -> tuple[Array, Array]:
+        """Zero (3, N), twice."""
+        return np.zeros((3, len(t))), np.zeros((3, len(t)))
 
-    def motion_share(self, t: Array, fast: Array, slow: Array, unseen_rad: float = 0.0) -> Array:  # noqa: ARG002
+    def motion_share(self, t: Array, fast: Array, slow: Array) -> Array:  # noqa: ARG002
         """Zero (3, 1)."""
         return np.zeros((3, 1))
 
@@ -100,11 +100,7 @@ class PicturePath(PathSamples):
         other.buffer, other.accuracies = self.buffer.copy(span), list(self.accuracies)
         return other
 
-    def unmeasured_m(self, t: Array) -> Array:
-        """Zero (N,): a picture's own errors are those of its row."""
-        return np.zeros(len(t))
-
-    def at(self, t: Array) -> PathPoints:
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Position, velocity and calm velocity, each (3, N), at instants (N,)."""
         position = self.buffer.values.take(nearest(self.buffer.times, t), 1)
-        return PathPoints(position, np.zeros_like(position), np.zeros_like(position))
+        return position, np.zeros_like(position), np.zeros_like(position)

@@ -33,7 +33,6 @@ from fwav_companion.estimation.wander import Pieces, Wander, WanderKernel
 _CHORD_PARTS = np.array([[0.2], [0.4], [0.6], [0.8]])
 BREAK_MARGIN_S = 0.02
 _LEAST_SURVEY_WEIGHT = 1e-9
-_FAR_SURVEY_SIGMAS = 10.0  # of the receiver
 _FOOT_ROUNDS, _SAME_LEVEL_M = 4, 0.1  # rays meet the ground's level at their feet, on a slope after a few rounds
 _RATES_HOLD_S = 1e-3  # rates are found again when the delay has moved by this
 
@@ -95,7 +94,6 @@ class Problem:
         # Rows of a rolling shutter: a frame's detections come in any order of their instants.
         self._in_order = np.array_equal(self.of_instant, np.arange(len(s)))
         self.left = (knots.searchsorted(s.t, side="right") - 1).clip(0, len(knots) - 2)
-        self.by_gap = _by_gap(self.left)
         self.gaps = np.diff(knots)
         self.part = ((s.t - knots[self.left]) / self.gaps[self.left]).clip(0.0, 1.0)
         self.usable = np.ones(len(s), np.bool_)
@@ -107,13 +105,8 @@ class Problem:
             best_m = min(each.sigma_m for each in carrier.path.accuracies)
             self.pieces = Pieces(piece, sigma**2 - best_m**2)
         self.readings: UsedReadings | None = None
-        found = [
-            source.used(knots, carrier.path.breaks, 0.0 if source.of_targets else model.noise.roughness_m)
-            for source in carrier.height_readings
-            if len(source)
-        ]
-        if found:
-            self.readings = UsedReadings.joined(found)
+        if len(carrier.ranges):
+            self.readings = carrier.ranges.used(knots, carrier.path.breaks, model.noise.roughness_m)
         priors = [model.target(k) for k in self.ids.tolist()]
         self.target_mean = np.array([p.mean() for p in priors]).reshape(-1, TARGET_SIZE)
         self._target_precision = np.concatenate([p.precision() for p in priors]) if priors else np.zeros(0)
@@ -128,11 +121,6 @@ class Problem:
         self._noise: dict[WanderKernel, ErrorNoise] = {}
         self._prior: dict[WanderKernel, tuple[Array, float]] = {}
 
-    @property
-    def shows_height(self) -> bool:
-        """Whether the size of a tag shows the height's constant error."""
-        return self.readings is not None and bool(self.readings.of_target.any())
-
     def wanders(self, kernel: WanderKernel) -> tuple[Wander, Wander]:
         """Processes of the error: north and east, and up."""
         return error_processes(self.model, self.carrier, kernel)
@@ -145,8 +133,7 @@ class Problem:
             mean = level.bridge(self.gaps + 0 * _CHORD_PARTS, _CHORD_PARTS + 0 * self.gaps).mean(0)
             # The frame's own position error is about the line, too.
             _, own, own_up = (0.0, 0.0, 0.0) if self.s.own_noise is None else self.s.own_noise
-            late_m = self.carrier.path.unmeasured_m(self.s.t)
-            variance = level.bridge(gap, self.part) + own**2 + late_m**2
+            variance = level.bridge(gap, self.part) + own**2
             if self.pieces is not None:
                 variance = variance + level.bridge_of_pieces(gap, self.part, self.left, self.pieces)
             level_sigma = np.sqrt(variance)
@@ -162,7 +149,7 @@ class Problem:
             level_precision, level_det = level.precision(self.knots, breaks, self.pieces)
             up_precision, up_det = up.precision(self.knots, breaks)
             p = np.zeros((self.size, self.size))
-            p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._precision_of_targets()])
+            p[np.arange(o), np.arange(o)] = np.concatenate([self.model.priors.precision, self._target_precision])
             for axis, precision in enumerate((level_precision, level_precision, up_precision)):
                 p[o + axis :: 3, o + axis :: 3] = precision
             self._prior[kernel] = p, 2.0 * level_det + up_det
@@ -187,27 +174,11 @@ class Problem:
         weight = np.maximum(self.survey_weight, _LEAST_SURVEY_WEIGHT)
         distance2 = leave_one_out_distance2(off / sigma, known, unit, weight)
         before, self.survey_weight = self.survey_weight, survey_weights(distance2, self.survey_weight)
-        index = np.arange(self.shared_size, self.errors_at)
+        weighted = precision.copy()
+        weighted[:, :2] = np.maximum(precision[:, :2] * self.survey_weight[:, None], UNKNOWN_TARGET.precision()[:2])
         for p, _ in self._prior.values():
-            p[index, index] = self._precision_of_targets()
+            p[rows.ravel(), rows.ravel()] = weighted.ravel()
         return float(np.abs(self.survey_weight - before).max()) < HALF
-
-    def leave_out_far_surveys(self, state: State) -> None:
-        """Begin without the surveys that are far from the places to start from: a fit judges whether they count.
-
-        One that is off by 25 sigmas of the receiver would bend the first fit so far that every sighting looks false.
-        """
-        off = (state.targets - self.target_mean)[self._surveys, :2]  # (L, 2)
-        survey = self._target_precision.reshape(-1, TARGET_SIZE)[self._surveys, 0]  # (L,)
-        variance = self.model.noise.position_wander_m**2 + 1.0 / survey
-        self.survey_weight = np.where((off * off).sum(1) < _FAR_SURVEY_SIGMAS**2 * variance, 1.0, 0.0)
-
-    def _precision_of_targets(self) -> Array:
-        """Precision (3 T,) of the targets' priors; surveys by their robust weights."""
-        precision = self._target_precision.copy().reshape(-1, TARGET_SIZE)
-        weighted = precision[self._surveys, :2] * self.survey_weight[:, None]
-        precision[self._surveys, :2] = np.maximum(weighted, UNKNOWN_TARGET.precision()[:2])
-        return precision.ravel()
 
     def surveys(self) -> dict[int, float]:
         """The weight of each survey by its target's number."""
@@ -229,7 +200,7 @@ class Problem:
         delay, shift = float(shared[CAMERA_DELAY]), attitude_shift(shared)
         instants = self.instants - delay - self.rows * float(shared[READOUT])
         if self._rates is None or abs(self._rates[0] - delay) > _RATES_HOLD_S:
-            self._rates = delay, self.carrier.rates(instants, shift, self.s.unseen_rad)
+            self._rates = delay, self.carrier.rates(instants, shift)
         poses = self.carrier.poses(instants, self._rates[1], shift)
         if self._in_order:
             return poses
@@ -264,43 +235,25 @@ class Problem:
         return np.asarray(share[left] * (poses.position[:2] - self.bridge[:2] - chord))
 
     def first_targets(self, shared: Array, errors: Array, known: Mapping[int, Array]) -> Array:
-        """Targets (T, 3) to start from: known ones, else the median of the rays' ground points.
-
-        Also landmarks: from a survey that is wrong by many sigmas, each of its sightings would look false.
-        """
+        """Targets (T, 3) to start from: known ones, surveys, else the median of the rays' ground points."""
         targets = self.target_mean.copy()
         unknown = []
         for i, k in enumerate(self.ids.tolist()):
             if k in known:
                 targets[i] = known[k]
-            else:
+            elif not self.model.target(k).surveyed:
                 unknown.append(i)
         if unknown:
             error, poses = self.error_at_sightings(errors), self.poses(shared)
             ground: Array = self.model.ground.height(poses.position[:2, :1])[0]  # below the vehicle
             for _ in range(_FOOT_ROUNDS):
-                height = ground + targets[:, 2].take(self.of_target)
-                place, _ = feet(poses, self.s.rays, shared, error, height)
+                place, _ = feet(poses, self.s.rays, shared, error, ground)
                 for i in unknown:
                     targets[i, :2] = np.median(place[:, self.of_target == i], axis=1)
                 before, ground = ground, self.model.ground.height(targets[:, :2].T)[0].take(self.of_target)
                 if np.abs(ground - before).max() < _SAME_LEVEL_M:
                     break
         return targets
-
-
-def _by_gap(left: Ints) -> tuple[Ints | None, list[tuple[int, int, int]]]:
-    """Order (N,) that brings together the sightings of each gap, None where they are; gaps with their bounds in it.
-
-    left: (N,) the knot before each sighting. Rows of a rolling shutter come back to a gap.
-    """
-    if not len(left):
-        return None, []
-    order = None if bool((left[1:] >= left[:-1]).all()) else np.argsort(left, kind="stable")
-    ordered = left if order is None else left[order]
-    begin = np.concatenate([[0], (ordered[1:] != ordered[:-1]).nonzero()[0] + 1, [len(left)]])
-    bounds = begin.tolist()
-    return order, list(zip(ordered[begin[:-1]].tolist(), bounds[:-1], bounds[1:], strict=True))
 
 
 def attitude_shift(shared: Array) -> float:

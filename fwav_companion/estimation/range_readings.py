@@ -1,19 +1,14 @@
-"""Readings of the camera's height above the ground as measurements of the height's error: one row each.
+"""Readings of a rangefinder as measurements of the height's error: one row each.
 
-A rangefinder's reading is the height above the ground under the beam. The ground's level under the beam, relative to
-the surface of the targets, wanders as the vehicle flies on, and the autopilot's altitude drifts: both are the error up,
-a trajectory of knots. What all readings have in common stays in the height's constant error, as without a rangefinder.
+A reading is the camera's height above the ground under the beam. The ground's level under the beam, relative to the
+surface of the targets, wanders as the vehicle flies on, and the autopilot's altitude drifts: both are the error up, a
+trajectory of knots. What all readings have in common stays in the height's constant error, as without a rangefinder.
 
     reading = reported height + climb rate x position delay - error up - surface under the beam
-
-A tag's size in the picture shows the height above a target, so the constant error as well:
-
-    reading = reported height + climb rate x position delay - constant error - error up - surface under the target
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,16 +22,15 @@ if TYPE_CHECKING:
 SAME_FOOT_M = 2.0
 """Distance of two feet of the beam within which the ground's roughness is the same: a bush, a furrow, a parked car."""
 _OF_GAP = 3  # readings used between two knots: more of them show the same foot again
-_HEIGHT, _SIGMA, _SHARED, _FOOT = 0, 1, 2, slice(3, 5)
+_HEIGHT, _SIGMA, _FOOT = 0, 1, slice(2, 4)
 
 
 class RangeReading(NamedTuple):
     """One reading."""
 
     t: float  # s
-    height_m: float  # camera above the ground under the beam, or at a tag
-    sigma_m: float  # of the finder, and of the tilt; of the tag's corners
-    shared_m: float = 0.0  # one sigma of what neighbours share: a tag's scale
+    height_m: float  # camera above the ground under the beam
+    sigma_m: float  # of the finder, and of the tilt
 
 
 class UsedReadings(NamedTuple):
@@ -44,43 +38,32 @@ class UsedReadings(NamedTuple):
 
     t: Array  # (N,) s
     height_m: Array  # (N,)
-    variance: Array  # (N,) m^2, with what neighbours share
+    variance: Array  # (N,) m^2, with the roughness that neighbours share
     foot: Array  # (2, N) m north, east
-    of_target: Array  # (N,) 1.0: by a tag's size, shows the constant error, too
-
-    @classmethod
-    def joined(cls, parts: Sequence[UsedReadings]) -> UsedReadings:
-        """All readings of several sources."""
-        return cls(*(np.concatenate(column, -1) for column in zip(*parts, strict=True)))
 
 
 class RangeReadings:
-    """All kept readings of a flight by one source."""
+    """All kept readings of a flight."""
 
-    def __init__(self, samples: SampleBuffer | None = None, *, of_targets: bool = False) -> None:
-        """of_targets: by the sizes of tags."""
-        self._samples, self.of_targets = samples or SampleBuffer(5), of_targets
-        self.began = len(self._samples) > 0
-        """Whether there was a reading: each frame asks, so this is no call."""
+    def __init__(self, samples: SampleBuffer | None = None) -> None:
+        self._samples = samples or SampleBuffer(4)
 
     def __len__(self) -> int:
         return len(self._samples)
 
     def append(self, reading: RangeReading, foot: tuple[float, float]) -> bool:
         """Add a reading with its foot, m north and east; False for one that is not finite or not later."""
-        values = (reading.height_m, reading.sigma_m, reading.shared_m, *foot)
+        values = (reading.height_m, reading.sigma_m, *foot)
         if not np.isfinite((reading.t, *values)).all() or reading.sigma_m < 0.0:
             return False
         if len(self._samples) and reading.t <= self._samples.times[-1]:
             return False
         self._samples.append(reading.t, values)
-        self.began = True
         return True
 
     def copy(self, span: Span = ALL) -> RangeReadings:
         """A snapshot of the readings in a span of time."""
-        samples = self._samples.copy(span) if len(self._samples) else None
-        return RangeReadings(samples, of_targets=self.of_targets)
+        return RangeReadings(self._samples.copy(span)) if len(self._samples) else RangeReadings()
 
     def keep_near(self, instants: Array, margin_s: float) -> None:
         """Delete readings further than the margin from all instants (n,), ascending."""
@@ -97,8 +80,7 @@ class RangeReadings:
         if i < 0 or times[i] <= after:
             return None
         values = self._samples.values[:, i]
-        height_m, sigma_m, shared_m = values[: _FOOT.start].tolist()
-        return RangeReading(float(times[i]), height_m, sigma_m, shared_m), values[_FOOT].copy()
+        return RangeReading(float(times[i]), float(values[_HEIGHT]), float(values[_SIGMA])), values[_FOOT].copy()
 
     def used(self, knots: Array, breaks: list[PathBreak], roughness_m: float) -> UsedReadings:
         """A few readings between each two knots (K,), none within a break of the path.
@@ -116,8 +98,7 @@ class RangeReadings:
         foot = values[_FOOT]
         apart2 = ((foot[:, :, None] - foot[:, None]) ** 2).sum(0)  # (N, N)
         alike = (apart2 < SAME_FOOT_M**2).sum(1)
-        variance = values[_SIGMA] ** 2 + (roughness_m**2 + values[_SHARED] ** 2) * alike
-        return UsedReadings(times[index], values[_HEIGHT], variance, foot, np.full(len(foot.T), float(self.of_targets)))
+        return UsedReadings(times[index], values[_HEIGHT], values[_SIGMA] ** 2 + roughness_m**2 * alike, foot)
 
 
 def _spread_over_gaps(gap: Ints) -> Ints:

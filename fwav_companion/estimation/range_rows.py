@@ -1,10 +1,10 @@
-"""Rows of height readings, a rangefinder's and those by tags' sizes, in the normal equations of a solve."""
+"""Rows of rangefinder readings in the normal equations of a solve."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fwav_companion.estimation.errors import HEIGHT, POSITION_DELAY
+from fwav_companion.estimation.errors import POSITION_DELAY
 from fwav_companion.estimation.information import SightingInformation
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.wander import WanderKernel
@@ -29,12 +29,12 @@ def with_readings(
     position, velocity, calm = problem.carrier.path.at(used.t)  # (3, N) each
     up = state.errors[:, 2]
     ground, _ = problem.model.ground.height(used.foot)
-    delay, constant = float(state.shared[POSITION_DELAY]), used.of_target * state.shared[HEIGHT]
-    predicted = position[2] + velocity[2] * delay - constant - up[left] * (1.0 - part) - up[left + 1] * part - ground
+    delay = float(state.shared[POSITION_DELAY])
+    predicted = position[2] + velocity[2] * delay - up[left] * (1.0 - part) - up[left + 1] * part - ground
     residual = used.height_m - predicted
 
     rows = np.zeros((problem.size, n))
-    rows[POSITION_DELAY], rows[HEIGHT] = calm[2], -used.of_target
+    rows[POSITION_DELAY] = calm[2]
     of_reading, at = np.arange(n), problem.errors_at + 3 * left + 2
     rows[at, of_reading], rows[at + 3, of_reading] = -(1.0 - part), -part
 

@@ -8,7 +8,7 @@ The weights are those of a redescending M-estimator (Black & Rangarajan 1996).
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -25,15 +25,9 @@ def wide_weights(distance2: Array) -> Array:
     return 1.0 / (1.0 + distance2 / _WIDE_DISTANCE2)
 
 
-def expected_weights(judged: LeaveOneOut) -> Array:
-    """Weights (N,): a smooth step at four standard deviations of what the others predict.
-
-    A sighting that is right with the probability p moves the fit by the share p of what it would in full. Where the
-    others know little of it, the noise alone divided by p would let it in: one of a new view, false by 200 pixels and
-    right with 7 %, turned the mount by four of its sigmas, and was then believed.
-    """
-    odds_against = np.exp((0.5 * (judged.distance2 - _WIDE_DISTANCE2)).clip(-50.0, 50.0))
-    return np.asarray(1.0 / (1.0 + odds_against * (1.0 + judged.leverage)))
+def expected_weights(distance2: Array) -> Array:
+    """A smooth step at four standard deviations of what the others predict."""
+    return np.asarray(1.0 / (1.0 + np.exp((0.5 * (distance2 - _WIDE_DISTANCE2)).clip(-50.0, 50.0))))
 
 
 def survey_weights(distance2: Array, before: Array) -> Array:
@@ -42,27 +36,13 @@ def survey_weights(distance2: Array, before: Array) -> Array:
     The probability that a survey is right, where at most one of those that count is wrong: left out, it lowers the cost
     of the fit by its squared distance. One that is left out returns by its own distance.
     """
-    log_odds, counts = 0.5 * (distance2 - _SURVEY_DISTANCE2), before >= HALF
-    # Less the greatest one: a survey of centimetres that is a metre off is beyond the range of an exponential.
-    most = max(0.0, float(log_odds[counts].max(initial=0.0)))
-    all_right, odds = np.exp(-most), np.exp(np.where(counts, log_odds - most, log_odds.clip(-50.0, 50.0)))
-    return np.asarray(1.0 - odds / np.where(counts, all_right + odds[counts].sum(), 1.0 + odds))
-
-
-class LeaveOneOut(NamedTuple):
-    """Measurements against what all others predict."""
-
-    distance2: Array  # (N,) squared, the prediction's covariance included
-    leverage: Array  # (N,) variance of the prediction over that of the noise, both axes together
+    odds = np.exp((0.5 * (distance2 - _SURVEY_DISTANCE2)).clip(-50.0, 50.0))
+    counts = before >= HALF
+    return np.asarray(1.0 - odds / np.where(counts, 1.0 + odds[counts].sum(), 1.0 + odds))
 
 
 def leave_one_out_distance2(residual: Array, known: Array, noise: Array, weight: Array) -> Array:
-    """Squared distances (N,) of measurements from what all others predict: `leave_one_out`."""
-    return leave_one_out(residual, known, noise, weight).distance2
-
-
-def leave_one_out(residual: Array, known: Array, noise: Array, weight: Array) -> LeaveOneOut:
-    """Measurements against what all others predict, the prediction's covariance included.
+    """Squared distances (N,) of measurements from what all others predict, the prediction's covariance included.
 
     residual: (2, N) after the fit; known: (2, 2, N) covariance of the fit's prediction; noise: (2, 2, N), of which the
     fit used noise + (1 / weight - 1) times the unit matrix. Of a linear fit these are the innovations that a fit
@@ -73,12 +53,10 @@ def leave_one_out(residual: Array, known: Array, noise: Array, weight: Array) ->
     used[1, 1] += 1.0 / weight - 1.0
     gain = _times(used, _inverse((1.0 + _REGULAR) * used - known))
     innovation = (gain * residual).sum(1)
-    predicted = _times(gain, known)
-    covariance = noise + predicted
+    covariance = noise + _times(gain, known)
     u, v = innovation
     a, b, c = covariance[0, 0], 0.5 * (covariance[0, 1] + covariance[1, 0]), covariance[1, 1]
-    distance2 = (u * u * c - 2.0 * u * v * b + v * v * a) / (a * c - b * b)
-    return LeaveOneOut(distance2, np.einsum("ijn,jin->n", _inverse(noise), predicted).clip(0.0))
+    return np.asarray((u * u * c - 2.0 * u * v * b + v * v * a) / (a * c - b * b))
 
 
 def _inverse(m: Array) -> Array:

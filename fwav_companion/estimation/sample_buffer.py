@@ -34,11 +34,6 @@ class SampleBuffer:
         return self._end - self._first
 
     @property
-    def newest(self) -> float:
-        """Time of the newest sample, s; there is one."""
-        return float(self._times[self._end - 1])
-
-    @property
     def times(self) -> Array:
         """(n,) a view: contiguous, because a search in a strided column copies all of it."""
         return self._times[self._first : self._end]
@@ -64,7 +59,7 @@ class SampleBuffer:
 
     def count_until(self, t: float) -> int:
         """Number of samples not later than t, s."""
-        return int(self._times[self._first : self._end].searchsorted(t, side="right"))
+        return int(self.times.searchsorted(t, side="right"))
 
     def copy(self, span: Span = ALL, beyond: int = 0) -> SampleBuffer:
         """An independent copy of the samples in a span of time, and of a number of samples beyond it."""

@@ -138,27 +138,22 @@ class SchmidtTargets:
         index: (P,) pairs of these targets; base: (n, n) covariance.
         """
         o = np.array([self.at[k] for k in targets[index].tolist()], np.int64)
-        rows = np.concatenate((index, index + len(targets)))  # (2 P,)
-        seen = own[..., index].transpose(0, 2, 1)  # (2, P, 3)
-        by_base = (seen[:, :, None] @ self.cross[o, :TARGET_SIZE])[:, :, 0]  # (2, P, n)
+        rows = np.stack([index, index + len(targets)], 1).ravel()  # (2 P,)
+        seen = own[..., index].transpose(2, 0, 1)  # (P, 2, 3)
+        by_base = seen @ self.cross[o, :TARGET_SIZE]  # (P, 2, n)
         carried = by_base.reshape(len(rows), -1) @ h.T  # (2 P, 2 M)
-        # Two of them have in common what the base state explains; of itself a target knows more.
-        i, j = (o[:, None] == o).nonzero()  # (K,) each
-        common = np.zeros((2, len(index), 2, len(index)))
-        if len(i) < len(o) ** 2:
-            gains = (seen[:, :, None] @ self.gains(o, base))[:, :, 0]  # (2, P, n)
-            common = (gains.reshape(len(rows), -1) @ by_base.reshape(len(rows), -1).T).reshape(common.shape)
-        places = self.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE]
-        common[:, i, :, j] = seen[:, i].swapaxes(0, 1) @ places @ seen[:, j].transpose(1, 2, 0)  # (K, 2, 2)
-        added = common.reshape(len(rows), len(rows))
-        if len(index) == len(targets):  # of hundreds of pairs, to pick and put back rows costs more than all else
-            covariance += carried
-            covariance += carried.T
-            covariance += added
-            return
         covariance[rows] += carried
         covariance[:, rows] += carried.T
-        covariance[rows[:, None], rows] += added
+        # Two of them have in common what the base state explains; of itself a target knows more.
+        same = o[:, None] == o
+        common = np.zeros((len(rows), len(rows)))
+        if not same.all():
+            gains = seen @ self.gains(o, base)  # (P, 2, n)
+            common = gains.reshape(len(rows), -1) @ by_base.reshape(len(rows), -1).T
+        for i, j in np.argwhere(same).tolist():
+            whole = seen[i] @ self.covariance[o[i], :TARGET_SIZE, :TARGET_SIZE] @ seen[j].T
+            common[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = whole
+        covariance[rows[:, None], rows] += common
 
     def predict(self, dt: float) -> None:
         """Move the moving ones by their velocity, with white acceleration."""
@@ -183,7 +178,7 @@ class SchmidtTargets:
         if not self.at:
             return
         cross = self.cross @ h.T  # (O, 5, r)
-        own = divided_by(s, cross.reshape(-1, len(residual))).reshape(cross.shape)
+        own = np.linalg.solve(s, cross.reshape(-1, len(residual)).T).T.reshape(cross.shape)
         self.mean = self.mean + own @ residual
         self.covariance = self.covariance - own @ cross.swapaxes(1, 2)
         self.cross = self.cross - own @ carried.T - cross @ gain.T + own @ s @ gain.T
@@ -193,23 +188,11 @@ class SchmidtTargets:
         o = self.at[target]
         carried = self.covariance[o, :, :TARGET_SIZE] @ own.T + self.cross[o] @ h.T  # (5, 2)
         with_base = base @ h.T + self.cross[o, :TARGET_SIZE].T @ own.T  # (n, 2)
-        gain = divided_by(s, carried)
+        gain = np.linalg.solve(s, carried.T).T
         self.mean[o] += gain @ residual
         c = self.covariance[o] - gain @ carried.T
         self.covariance[o] = 0.5 * (c + c.T)
         self.cross[o] -= gain @ with_base.T
-
-
-def divided_by(s: Array, carried: Array) -> Array:
-    """Gains (k, m): covariances (k, m) with m measurements times the inverse of their symmetric covariance (m, m).
-
-    That of one sighting is written out, at a quarter of the cost.
-    """
-    if len(s) != 2:
-        return np.asarray(np.linalg.solve(s, carried.T).T)
-    (a, b), (_, c) = s.tolist()
-    det = a * c - b * b
-    return np.asarray(carried @ np.array([[c / det, -b / det], [-b / det, a / det]]))
 
 
 def _inverse(covariance: Array) -> Array:

@@ -24,14 +24,13 @@ from fwav_companion.estimation.measurement import Projection
 from fwav_companion.estimation.post_fit import PostFit, judge_sightings, post_fit
 from fwav_companion.estimation.problem import Problem, State
 from fwav_companion.estimation.range_rows import with_readings
-from fwav_companion.estimation.robust_weights import HALF, expected_weights, wide_weights
+from fwav_companion.estimation.robust_weights import HALF, expected_weights
 from fwav_companion.estimation.wander import WanderKernel
 
 COMMON = 7  # noises that a frame's sightings share: attitude 3, stamp 1, error between knots 3
 _DELAY_STEP_S, _TURN_STEP_RAD = 0.015, 0.3  # the projection is linear over these at least
 _SINK_SHARE, _LEAST_SHARE = 0.6, 0.05
 _LEAST_BRIDGE_WEIGHT = 1e-3
-CONTRADICTED = 1.0  # a kernel whose log likelihood is this far below the best: odds of 3 to 1
 CLOCK_GRAIN_S = 1e-3  # autopilot stamps are whole milliseconds
 
 Weigh = Callable[[Array], Array]
@@ -167,25 +166,19 @@ def iterate(
 def judged_weights(
     problem: Problem, state: State, projection: Projection, noise: WeightedSightings, kernel: WanderKernel, rows: Array
 ) -> Array:
-    """Weights (N,) at a state by what all others predict, where no earlier step has weights.
-
-    A fit in which several false detections count in full is as far from the right ones as from them: four of 150 sigmas
-    among 25 left two right ones. They count by their distance from the state instead, on which they had no share.
-    """
-    weighted = noise._replace(weight=noise.weight * wide_weights(noise.distance2))
-    found = gauss_newton_step(problem, state, projection, weighted, kernel, rows)
+    """Weights (N,) at a state by what all others predict, where no earlier step has weights."""
+    found = gauss_newton_step(problem, state, projection, noise, kernel, rows)
     after = post_fit(problem, rows, projection.residual, found.step, found.covariance)
-    return expected_weights(judge_sightings(problem, weighted, after))
+    return expected_weights(judge_sightings(problem, noise, after))
 
 
-def likely_kernel(
+def likeliest_kernel(
     problem: Problem, state: State, kernel: WanderKernel, kernels: tuple[WanderKernel, ...]
 ) -> Generator[None, None, WanderKernel]:
-    """The quickest kernel that the sightings do not contradict, at one linearisation, that of `kernel`.
+    """The kernel of greatest marginal likelihood; all are compared at one linearisation, that of `kernel`.
 
-    One that is slower than the wander claims too much, and in the first ten seconds the sightings seldom decide: mean
-    normalised squares of two numbers were 9. All sightings weigh alike under all kernels, as under the quickest: else a
-    slow one would reject what contradicts it. Yields after each kernel.
+    The sightings weigh alike under all of them, as under the quickest: else a slow kernel would reject what contradicts
+    it. Yields after each kernel.
     """
     projection = problem.linearise(state, kernel)
     rows, quickest = sighting_rows(problem, projection), kernels[-1]
@@ -197,5 +190,4 @@ def likely_kernel(
         weighted = sighting_noise(problem, projection, k)._replace(weight=weight)
         found[k] = gauss_newton_step(problem, state, projection, weighted, k, rows, likelihood=True).log_likelihood
         yield
-    likely = max(found.values()) - CONTRADICTED
-    return [k for k in kernels if found[k] >= likely][-1]
+    return max(found, key=found.__getitem__)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fwav_companion.estimation.delay_search import DelayMode, search_delay
-from fwav_companion.estimation.errors import CAMERA_DELAY, HEIGHT, Array, Ints
+from fwav_companion.estimation.errors import CAMERA_DELAY, Array, Ints
 from fwav_companion.estimation.ground import TARGET_SIZE
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.path_samples import Carrier
 from fwav_companion.estimation.problem import Model, Problem, State
 from fwav_companion.estimation.robust_weights import wide_weights
-from fwav_companion.estimation.smoother import iterate, likely_kernel, reported_unknowns
+from fwav_companion.estimation.smoother import iterate, likeliest_kernel, reported_unknowns
 from fwav_companion.estimation.wander import KERNELS, SMOOTH, Wander, WanderKernel, at_times, place_knots
 from fwav_companion.estimation.whole_flight import even_knots
 
@@ -88,14 +88,13 @@ class SolveTask:
         problem = Problem(self.model, self.carrier, self.kept, knots)
         errors = at_times(knots, start.knots, start.errors)
         state = State(start.shared, problem.first_targets(start.shared, errors, start.targets), errors)
-        problem.leave_out_far_surveys(state)
         kernel, first = start.kernel, start.delay_sigma_s is None
         if first:
             state, _, _ = yield from iterate(
                 problem, state, kernel, wide_weights, most=_FIRST_ITERATIONS, enough=_ENOUGH
             )
         if self.compare_kernels:
-            kernel = yield from likely_kernel(problem, state, kernel, self.kernels)
+            kernel = yield from likeliest_kernel(problem, state, kernel, self.kernels)
         most = _FIRST_FINE if first or self.whole_flight else _ITERATIONS
         state, step, weighted = yield from iterate(problem, state, kernel, None, most=most, enough=_ENOUGH)
         order, few = _best_seen_first(problem), np.arange(problem.shared_size)
@@ -107,8 +106,7 @@ class SolveTask:
         covariance = step.covariance[now[:, None], now]
         delay_sigma_s = float(covariance[CAMERA_DELAY, CAMERA_DELAY]) ** 0.5
         if self.model.consider:
-            held = few if not problem.shows_height else np.delete(few, HEIGHT)
-            mean, covariance = self._considered(mean, covariance, held)
+            mean, covariance = self._considered(mean, covariance)
         count = np.bincount(problem.of_target, minlength=len(problem.ids))
         weights = np.bincount(problem.of_target, weighted.weight, len(problem.ids)) / np.maximum(count, 1)
         ids = problem.ids.tolist()
@@ -119,18 +117,17 @@ class SolveTask:
             dict(zip(ids, weights.tolist(), strict=True)), modes, problem.surveys(),
         )  # fmt: skip
 
-    def _considered(self, mean: Array, covariance: Array, held: Ints) -> tuple[Array, Array]:
-        """Mean (m,) and covariance (m, m) with shared parameters (h,) considered (Schmidt 1966), at their priors.
+    def _considered(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Mean (m,) and covariance (m, m) with the shared parameters considered (Schmidt 1966), at their priors.
 
         Places and errors keep their marginal estimates, for which the parameters' effect is noise that all sightings
         have in common: held in the solve as well, the position's error would absorb it (a target was 1.2 m off). An
         estimate's error is independent of what the sightings show of the parameters, so its covariance with them stays
-        that of the joint estimate, while they are off by their whole priors. A height that the size of a tag shows is
-        a measurement of this flight, not a calibration: it is not among the held ones.
+        that of the joint estimate, while they are off by their whole priors.
         """
         priors, mean, covariance = self.model.priors, mean.copy(), covariance.copy()
-        mean[held] = priors.mean[held]
-        covariance[held[:, None], held] = np.diag(priors.sigma[held] ** 2)
+        mean[: len(priors)] = priors.mean
+        covariance[: len(priors), : len(priors)] = np.diag(priors.sigma**2)
         return mean, covariance
 
     def _knots(self) -> Array:

@@ -23,8 +23,7 @@ def target_answers(live: LiveFilter, t: float) -> dict[int, TargetAnswer]:
     rows[2, HEIGHT] = 1.0
     vehicle[2] -= live.mean[HEIGHT]
     common = rows @ live.covariance @ rows.T
-    level2 = level * level + motion.unmeasured_m**2
-    common[_AXES, _AXES] += added + stepped + np.array([level2, level2, up * up])
+    common[_AXES, _AXES] += added + stepped + np.array([level * level, level * level, up * up])
     answers = {}
     for numbers, mean, covariance, cross in live.places():
         place, own, by_base = _places_at(live, t, mean, covariance, cross)

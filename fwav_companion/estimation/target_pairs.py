@@ -18,9 +18,9 @@ def near_pairs(live: LiveFilter, s: Sightings, targets: Ints, alike: Bools) -> t
     alike: (D, T) pairs that may be one thing by their labels. The joint covariance grows with the square of the number
     of pairs; so of many a detection has those whose places are nearest to its ground point.
     """
-    detection, column = alike.nonzero()
+    detection, column = np.nonzero(alike)
     if len(detection) <= _FEW_PAIRS:
-        return detection, targets[column]
+        return detection.astype(np.int64), targets[column]
     place, mean = _ground_points(live, s), live.target_means(targets)[:2]
     far = np.where(alike, ((place[:, :, None] - mean[:, None, :]) ** 2).sum(0), np.inf)
     nearest = np.argsort(far, axis=1, kind="stable")[:, :_NEAREST]

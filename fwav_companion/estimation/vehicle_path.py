@@ -11,17 +11,8 @@ import math
 import numpy as np
 
 from fwav_companion.estimation.errors import Array
-from fwav_companion.estimation.path_axis import VELOCITY_NOISE, PathAxis
-from fwav_companion.estimation.path_samples import (
-    VELOCITY,
-    PathBreak,
-    PathNoise,
-    PathSamples,
-    Settling,
-    chord,
-    fitted_samples,
-    fitted_velocities,
-)
+from fwav_companion.estimation.path_axis import VELOCITY_NOISE, VELOCITY_SIGMA_M_S, PathAxis
+from fwav_companion.estimation.path_samples import CALM_S, POSITION, VELOCITY, PathBreak, PathNoise, PathSamples, chord
 from fwav_companion.estimation.sample_buffer import SampleBuffer
 
 _LAG_S, _FRESH_S = 8.0, 1.5  # backward pass at every solve, and at every sample
@@ -30,13 +21,6 @@ _LONGEST_GAP_S = 2.0  # between two samples: the velocities do not bridge more
 _INNOVATION_SIGMAS, _INCREMENT_SIGMAS = 6.0, 4.0  # both must be exceeded by a step
 _MOST_BREAKS = 8  # each is one more constant of the error's prior
 _FIRST_STEP_S = 0.1
-_CERTAIN_SHARE = 3.0  # standard deviations of a correlation by chance, for one sample
-_SHARE_SAMPLES = 300  # newest velocities that show how much of their changes is motion
-_SETTLED_SHARE = 1e-3  # of a sample's variance, below which a filter's is that of a long path
-_CONTRADICTED_S, _LEAST_CONTRADICTED = 3.0, 4  # span in which wrong velocities show; spans that must have passed
-# Mean error of velocities over that span that is no receiver's wander: 0.18 m within a second, a random walk, is 0.10.
-# ArduCopter's simulator: 0.01 to 0.03. PX4's: 0.25.
-_WRONG_SPEED_M_S = 0.15
 _FIRST_ADAPTATION_S, _ADAPTATION_S = 0.3, 1.0
 
 
@@ -47,11 +31,10 @@ class VehiclePath:
         """White noise (m) of north and east, and of heights."""
         self._axes = [PathAxis(noise_m), PathAxis(noise_m), PathAxis(height_noise_m)]
         self.samples = PathSamples(SampleBuffer(9), [], self._noise(_FIRST_STEP_S), axes=self._axes)
-        # (3,) m as reported, (3,) m sum of the ways by velocity, 1 where the path broke
-        self._reports = SampleBuffer(7)
+        self._heights = SampleBuffer(3)  # m as reported, m sum of the climbs by velocity, 1 where the path broke
         self._last_place: list[float] = []
         self._last_velocity: list[float] = []
-        self._moved_m = [0.0, 0.0, 0.0]
+        self._climbed_m = 0.0
         self._adapts_at: float | None = None  # s
 
     def append(self, t: float, position: Array, velocity: Array, *, reset: bool = False) -> bool:
@@ -72,11 +55,10 @@ class VehiclePath:
                 moved = zip(place[:2], self._last_place[:2], increments[:2], strict=True)
                 north, east = (z - before - increment for z, before, increment in moved)
                 self._break(last, t, place, None if is_gap else (north, east))
-            self._moved_m = [a + b for a, b in zip(self._moved_m, increments, strict=True)]
+            self._climbed_m += increments[2]
         for axis, z in zip(self._axes, place, strict=True):
             axis.update(z)
-        self._settle_at(t, is_new=broken or not self._last_place)
-        self._reports.append(t, (*place, *self._moved_m, float(broken)))
+        self._heights.append(t, (place[2], self._climbed_m, float(broken)))
         self.samples.buffer.append(t, (*place, *v, *v))
         self._last_place, self._last_velocity = place, v
         self._adapt(t)
@@ -94,17 +76,6 @@ class VehiclePath:
             and abs(z - before - moved) > _INCREMENT_SIGMAS * math.sqrt(2 * axis.r + 0.0025)
             for axis, z, before, moved in axes
         )
-
-    def _settle_at(self, t: float, *, is_new: bool) -> None:
-        """Keep how far the filters are from settled; is_new: the sample begins a piece."""
-        settling, step_s = self.samples.settling, self.samples.step_s
-        if is_new:
-            settling.clear()
-        elif not settling[-1].level and not settling[-1].up:
-            return
-        level, up = (self._axes[i].unsettled(step_s) for i in (0, 2))
-        is_settled = level < _SETTLED_SHARE * self._axes[0].r and up < _SETTLED_SHARE * self._axes[2].r
-        settling.append(Settling(t, 0.0, 0.0) if is_settled else Settling(t, level, up))
 
     def _break(self, before: float, after: float, place: list[float], jump: tuple[float, float] | None) -> None:
         # The smoothing must not bridge a reset: it would bend seconds of the path.
@@ -130,7 +101,6 @@ class VehiclePath:
             return
         self._adapts_at = t + _ADAPTATION_S
         self.samples.step_s = float(np.median(np.diff(self.samples.buffer.times[-400:])))
-        self._adapt_level_filters()
         self._adapt_height_filter()
         self._find_motion_share()
         self.samples.noise = self._noise(self.samples.step_s)
@@ -142,53 +112,18 @@ class VehiclePath:
         self.samples.smooth(min(len(self.samples.buffer), int(span_s / self.samples.step_s) + 2))
 
     def _find_motion_share(self) -> None:
-        buffer = self.samples.buffer
-        t, velocity = buffer.times[-_SHARE_SAMPLES:], buffer.values[VELOCITY, -_SHARE_SAMPLES:]
-        reach = fitted_samples(self.samples.step_s)
-        if len(t) < 3 * reach:
+        t, values = self.samples.buffer.times[-600:], self.samples.buffer.values[:, -600:]
+        half = max(1, round(0.5 * CALM_S / self.samples.step_s))
+        if len(t) < 6 * half:
             return
-        slow = fitted_velocities(t, velocity, reach, self.samples.step_s)[:, :-reach]
-        fast = velocity[:, reach:-reach] - slow
-        # Motion that samples resolve is alike in two that follow each other; noise is not, nor is the heave of a wing
-        # beat, whose samples alternate: as motion it would be information on the delays.
-        squares, alike = (fast * fast).mean(1), (fast[:, 1:] * fast[:, :-1]).mean(1)
-        squares[:2], alike[:2] = squares[:2].mean(), alike[:2].mean()
-        share = alike / np.maximum(squares, 1e-12)
-        share[share < _CERTAIN_SHARE / math.sqrt(fast.shape[1])] = 0.0
+        slow = (values[POSITION, 2 * half :] - values[POSITION, : -2 * half]) / (t[2 * half :] - t[: -2 * half])
+        squares = ((values[VELOCITY, half:-half] - slow) ** 2).mean(1)
+        squares[:2] = squares[:2].mean()
+        certain = (1.3 + 5 * math.sqrt(2 / len(t))) * VELOCITY_SIGMA_M_S**2
+        share = np.where(squares > certain, 1 - VELOCITY_SIGMA_M_S**2 / np.maximum(squares, 1e-12), 0.0)
         if self.samples.heights_lead:
             share[2] = 0.0
         self.samples.motion_share = share[:, None]
-
-    def _newest_reports(self) -> tuple[int, Array, Array, Array]:
-        """Samples (n) that judge the filters, their places (3, n), ways by velocity (3, n) and breaks (n,) so far."""
-        count = min(int(_REFILTER_S / self.samples.step_s), _REFILTER_SAMPLES)
-        values = self._reports.values[:, -count:]
-        return values.shape[1], values[:3], values[3:6], np.cumsum(values[6])
-
-    def _adapt_level_filters(self) -> None:
-        """Open north and east to the positions where the velocities contradict them for seconds.
-
-        PX4's were 0.3 m/s off for ten seconds (its simulator), its positions were right: a filter that trusts such
-        velocities lags by half a metre. A receiver's wander shows in the positions, too, and must not open them: the
-        sightings find it. It is slower, or grows with the root of the time only.
-        """
-        axis, step_s = self._axes[0], self.samples.step_s
-        count, place, moved, breaks = self._newest_reports()
-        lag, white = max(1, round(_CONTRADICTED_S / step_s)), axis.noise_m**2
-        if count < _LEAST_CONTRADICTED * lag:
-            return
-        whole = breaks[lag:] == breaks[:-lag]
-        off = (place - moved)[:2]  # (2, n)
-        rise = (off[:, lag:] - off[:, :-lag])[:, whole]
-        if not rise.size:
-            return
-        squares = float(np.mean(rise**2)) - 2.0 * white
-        q = VELOCITY_NOISE
-        if squares > (_WRONG_SPEED_M_S * lag * step_s) ** 2:
-            q = max(q, squares / (lag * step_s))
-        if not 0.9 < q / axis.process_noise < 1.1:
-            for i in (0, 1):
-                self._refilter(i, PathAxis(axis.noise_m, q), count)
 
     def _adapt_height_filter(self) -> None:
         """Open the filter to the heights where the climb rates contradict them by more than noise.
@@ -197,35 +132,35 @@ class VehiclePath:
         into something that neither stream reports.
         """
         axis, white = self._axes[2], self._axes[2].noise_m ** 2
-        count, place, moved, _ = self._newest_reports()
-        heights, climbed = place[2], moved[2]
+        lag = max(1, round(1.0 / self.samples.step_s))
+        count = min(int(_REFILTER_S / self.samples.step_s), _REFILTER_SAMPLES)
+        heights, climbed, _ = self._heights.values[:, -count:]
+        if heights.size <= 3 * lag:
+            return
+        rise = heights[lag:] - heights[:-lag]
 
-        def process_noise(way: Array, seconds: float) -> float:
-            """Of a random walk that changes like this way (n,) in such a time, m^2/s."""
-            lag = max(1, round(seconds / self.samples.step_s))
-            squares = float(np.mean((way[lag:] - way[:-lag]) ** 2)) if len(way) > 3 * lag else 0.0
-            return max(VELOCITY_NOISE, (squares - 2 * white) / (lag * self.samples.step_s))
+        def process_noise(residual: Array) -> float:
+            return max(VELOCITY_NOISE, (float(np.mean(residual**2)) - 2 * white) / (lag * self.samples.step_s))
 
-        # Over a second what wanders, over some what comes from velocities that are wrong for longer.
-        q, driven = max(process_noise(heights - climbed, each) for each in (1.0, _CONTRADICTED_S)), True
+        q, driven = process_noise(rise - (climbed[lag:] - climbed[:-lag])), True
         if q < 4 * VELOCITY_NOISE + 0.1 * white:
             q = VELOCITY_NOISE
-        elif (alone := process_noise(heights, 1.0)) < process_noise(heights - climbed, 1.0):
+        elif (alone := process_noise(rise)) < q:
             q, driven = alone, False
         if driven != axis.driven or not 0.9 < q / axis.process_noise < 1.1:
-            self._refilter(2, PathAxis(axis.noise_m, q, driven=driven), count)
-            if self.samples.heights_lead:
-                self.samples.climb_by_heights(len(self.samples.buffer) - count)
+            self._refilter_heights(PathAxis(axis.noise_m, q, driven=driven), count)
 
-    def _refilter(self, i: int, axis: PathAxis, count: int) -> None:
-        """Replace the filter of coordinate i by another one that has taken the newest samples."""
-        t = self._reports.times[-count:].tolist()
-        places, moved, broken = self._reports.values[[i, 3 + i, 6], -count:].tolist()
-        for k, place in enumerate(places):
-            if k:
-                axis.predict(moved[k] - moved[k - 1], t[k] - t[k - 1])
-                if broken[k]:
+    def _refilter_heights(self, axis: PathAxis, count: int) -> None:
+        t = self._heights.times[-count:].tolist()
+        heights, climbed, broken = self._heights.values[:, -count:].tolist()
+        for i, height in enumerate(heights):
+            if i:
+                axis.predict(climbed[i] - climbed[i - 1], t[i] - t[i - 1])
+                if broken[i]:
                     axis.reopen()
-            axis.update(place)
-        self._axes[i] = axis
-        self.samples.buffer.values[i, len(self.samples.buffer) - len(t) :] = axis.smoothed(len(t))
+            axis.update(height)
+        self._axes[2] = axis
+        first = len(self.samples.buffer) - len(t)
+        self.samples.buffer.values[2, first:] = axis.smoothed(len(t))
+        if self.samples.heights_lead:
+            self.samples.climb_by_heights(first)

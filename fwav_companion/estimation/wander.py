@@ -1,8 +1,8 @@
 """The position's error in time: kernels of its wander, its knots, and its variance between two knots.
 
 The error (north, east, up; reported minus true) is the receiver's wander plus what the smoothing of the path left of
-the white noise. How rough the wander is cannot be known before the flight: it is the quickest of several kernels that
-the sightings do not contradict, by their marginal likelihood (Rasmussen & Williams 2006, ch. 5).
+the white noise. How rough the wander is cannot be known before the flight: several kernels are compared by the marginal
+likelihood of the sightings (Rasmussen & Williams 2006, ch. 5).
 
 A receiver that gains or loses corrections changes its solution. The error is then the wander of the best solution of
 the flight, plus another one of the same kernel while the solution is worse, independent of those of other pieces.
@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fwav_companion.estimation.errors import Array, Ints
-from fwav_companion.estimation.path_samples import UNMEASURED_M_S2, PathBreak
+from fwav_companion.estimation.path_samples import PathBreak
 
 
 class WanderKernel(NamedTuple):
@@ -31,13 +31,13 @@ QUICK: Final = WanderKernel("quick", 0.0)
 KERNELS: Final = (
     SMOOTH, WanderKernel("8 s", 8.0), WanderKernel("3 s", 3.0), WanderKernel("1 s", 1.0), QUICK,
 )  # fmt: skip
-FIRST_KERNEL: Final = QUICK  # until the sightings contradict it
 _PATH_LOW_PASS = 1.4  # of the smoothing's time constant: it has low-passed the wander, too
 _LEAST_LOW_PASS_S = 0.07
 _JITTER_M2 = 1e-8  # keeps the knots' covariance regular
 SHORT_S = 0.5  # gap up to which the error is a random walk
 _KEPT = np.ones(3)
 _LEAST_VARIANCE_M2, _LEAST_SHARE = 1e-12, 1e-6  # of an error without a wander, and after the longest gap
+_UNMEASURED_M_S2 = 3.0  # a small vehicle that banks at 17 degrees
 _LEAST_JUMP_M = 0.1  # one sigma of a jump at least: steps of the format, and reports of one instant that differ
 _LEAST_STEP_M = 1.0  # of a break's prior: its size is known only as well as the noise
 
@@ -167,7 +167,7 @@ def jump_variance(b: PathBreak, noise_m: float) -> float:
     """
     if b.jump is None:
         return step_variance(b)
-    moved_m = UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
+    moved_m = _UNMEASURED_M_S2 * (b.after - b.before) ** 2 / 8.0
     return 2.0 * noise_m**2 + moved_m**2 + _LEAST_JUMP_M**2
 
 

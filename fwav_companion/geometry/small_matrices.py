@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import dist, hypot, inf, sqrt
 from typing import TypeAlias
 
@@ -18,6 +19,16 @@ def inner(a: Row, b: Row) -> float:
     return 0.5 * (hypot(*a) ** 2 + hypot(*b) ** 2 - dist(a, b) ** 2)
 
 
+def products(rows: Sequence[Row], a: Row, b: Row) -> tuple[Row, Row]:
+    """The matrix of these rows times the columns a and b: ``inner`` of each row with them."""
+    a2, b2, by_a, by_b = hypot(*a) ** 2, hypot(*b) ** 2, [], []
+    for row in rows:
+        row2 = hypot(*row) ** 2
+        by_a.append(0.5 * (row2 + a2 - dist(row, a) ** 2))
+        by_b.append(0.5 * (row2 + b2 - dist(row, b) ** 2))
+    return tuple(by_a), tuple(by_b)
+
+
 def gram(n: Row, e: Row) -> Symmetric2:
     """The inner products nn, ne, ee of two rows."""
     nn, ee = hypot(*n) ** 2, hypot(*e) ** 2
@@ -31,6 +42,34 @@ def squared_distance(north: float, east: float, cov: Symmetric2) -> float:
     if not determinant > 0.0:
         return inf
     return (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
+
+
+def plus_diagonal(rows: Sequence[Row], values: Sequence[float]) -> tuple[Row, ...]:
+    """The square matrix of these rows + diag(values)."""
+    return tuple(
+        [(*row[:i], row[i] + value, *row[i + 1 :]) for i, (row, value) in enumerate(zip(rows, values, strict=True))]
+    )
+
+
+def diagonal(values: Sequence[float]) -> tuple[Row, ...]:
+    """Diag(values)."""
+    return plus_diagonal([(0.0,) * len(values)] * len(values), values)
+
+
+def symmetric_inverse(m: Matrix3) -> Matrix3:
+    """The inverse of a symmetric positive definite matrix, by cofactors; ZeroDivisionError where it is singular."""
+    (a, b, c), (_, d, e), (_, _, f) = m
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    s = 1.0 / (a * aa + b * ab + c * ac)
+    ad, ae, af = a * f - c * c, b * c - a * e, a * d - b * b
+    return ((aa * s, ab * s, ac * s), (ab * s, ad * s, ae * s), (ac * s, ae * s, af * s))
+
+
+def symmetrized(m: Matrix3) -> Matrix3:
+    """(m + m^T) / 2."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    bd, cg, fh = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
+    return ((a, bd, cg), (bd, e, fh), (cg, fh, i))
 
 
 def horizontal_sigma(cov: Matrix3) -> float:

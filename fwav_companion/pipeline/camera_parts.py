@@ -12,8 +12,8 @@ from fwav_companion.pairing import Pairer
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pad_notices import PadJoiner
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking import Reorder
-from fwav_companion.types.calibration_report import KeptCalibration
 
 
 class CameraParts(msgspec.Struct, frozen=True):

@@ -26,11 +26,11 @@ from fwav_companion.pipeline.landmark_shift import LandmarkShift
 from fwav_companion.pipeline.pad_notices import CouldSee, PadNotices, with_pads
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
+from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import FrameTracker, Settled
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
-from fwav_companion.tracking.lifecycle import KEEP_STATIC_NS
 from fwav_companion.types import (
     Frame,
     FrameView,
@@ -43,7 +43,6 @@ from fwav_companion.types import (
     Track,
     Unpaired,
 )
-from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
@@ -51,8 +50,6 @@ LONG_AFTER_NS = 60 * NS_PER_S
 
 USED_NS = 2 * NS_PER_S
 """Time after a used picture in which second copies are no reason to be not ready."""
-FOLLOWED_NS = 2 * NS_PER_S
-"""Time without a picture after which the tracker takes the telemetry since, which is kept for 3 s."""
 FOOTPRINT_NS = NS_PER_S
 """Age of the newest picture up to which its footprint is reported as the camera's present one."""
 
@@ -114,8 +111,6 @@ class CameraPipeline:
         self._meter = RateMeter()
         self._used_ns = HostNs(0)
         """Time of the last frame that was used."""
-        self._followed_ns = HostNs(0)
-        """Time at which the tracker last took the telemetry."""
 
     def rebuild(self) -> None:
         """Make all rooms anew, without a kept calibration, and drop every track; their ids are not used again.
@@ -131,12 +126,13 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, or its lines are due.
+        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is due.
 
         Where lines are not used, no instant is needed for them: a frame is settled at the next event.
         """
         settles = self._reorder.wake_at if self._target_log.written else None
-        return min([due for due in (self._waiting.wake_at, settles) if due is not None], default=None)
+        dues = (self._waiting.wake_at, settles, self._reorder.tracker.due_ns)
+        return min([due for due in dues if due is not None], default=None)
 
     @property
     def waiting_detections(self) -> int:
@@ -167,20 +163,13 @@ class CameraPipeline:
             self._waiting.place(lambda frame: self._pairer.attitude_needed_until(frame, self._telemetry.clock), now)
         ready = self._waiting.take_ready(now, self._telemetry)
         if not ready:
-            if now - self._followed_ns > FOLLOWED_NS:
-                self._follow_vehicle(now)
             return []
         self.frames_taken += len(ready)
         return [seen for frame in ready if (seen := self._process(frame, now)) is not None]
 
-    def _follow_vehicle(self, now: HostNs) -> None:
-        """Hand over the telemetry between two pictures, as long as a target is kept: a gap would break the path."""
-        self._followed_ns = now
-        if self._last_view is not None and now - self._used_ns < KEEP_STATIC_NS:
-            self._reorder.tracker.on_telemetry()
-
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
+        self._reorder.tracker.catch_up(now)
         return self._closed(now)
 
     def _closed(self, now: HostNs) -> list[Settled]:
@@ -335,7 +324,6 @@ class CameraPipeline:
             placed_sigma_m=0.0 if self._placed is None else self._placed_sigma_m(*self._placed, paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),
         )
-        self._followed_ns = now
         self._agreement.add(view.fixes, view.host_ns)
         self.readout.add(view.fixes)
         tracks = self._reorder.put(view, now)

@@ -11,9 +11,9 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import Frame, NoFrame, Reason
-from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.types.tracks import FinalPlace
 
 

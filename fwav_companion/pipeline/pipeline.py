@@ -21,6 +21,7 @@ from fwav_companion.pipeline.second_lines import SecondLines
 from fwav_companion.pipeline.speaker import Speaker
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import (
@@ -36,7 +37,6 @@ from fwav_companion.types import (
     Situation,
     Track,
 )
-from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.types.messages import ATTITUDE_MESSAGES
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus

@@ -52,14 +52,14 @@ from fwav_companion.pipeline.tracking_commands import TrackingCommands
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.landing import LATEST_FRAME_NS
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import FrameTracker, Reorder, filter_tracker, smoothed_tracker
+from fwav_companion.tracking import FrameTracker, Reorder, make_tracker, smoothed_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
-from fwav_companion.tracking.smoothed.solve_jobs import IN_LINE, SmootherOptions
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import ElevatedTarget, Pad
-from fwav_companion.types.calibration_report import KeptCalibration
 
 WANTED = frozenset(
     {
@@ -92,7 +92,7 @@ def make_pipeline(
     attitudes_kept_s: float | None = None,
     clock_rate: float = 1.0,
     written: bool = True,
-    smoother: SmootherOptions = IN_LINE,
+    smoother: SmootherOptions | None = None,
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is the pipeline of a relay, which localizes nothing.
 
@@ -101,7 +101,7 @@ def make_pipeline(
     ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: time for
     which attitudes are kept, for callers that read them long afterwards; None: as long as flying needs them.
     ``clock_rate``: rate of the autopilot's clock from all arrivals of a recording. ``written``: false where the lines
-    are not used. ``smoother``: how the smoother is run.
+    are not used. ``smoother``: the smoother estimates; None: it does not.
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -197,7 +197,7 @@ def make_camera(
     kept: KeptCalibration | None = None,
     own_filter: Filter | None = None,
     sightings: bool = False,
-    smoother: SmootherOptions = IN_LINE,
+    smoother: SmootherOptions | None = None,
 ) -> CameraPipeline:
     """The pipeline of one camera. ``vehicle``: the vehicle's telemetry, or the poses of photographs."""
     make_parts = partial(
@@ -222,7 +222,7 @@ def _camera_parts(
     elevation: Sequence[ElevationTile],
     own_filter: Filter | None,
     sightings: bool,
-    smoother: SmootherOptions,
+    smoother: SmootherOptions | None,
 ) -> CameraParts:
     """The rooms of a camera's pipeline before the first frame."""
     landmarks = [landmark.known for landmark in config.landmark]
@@ -251,29 +251,38 @@ def _pads(config: Config, calibration: Calibration) -> PadJoiner | None:
 
 def _tracker(
     config: Config, vehicle: VehicleSource, kept: KeptCalibration | None, own_filter: Filter | None, *,
-    ground: Ground, smoother: SmootherOptions,
+    ground: Ground, smoother: SmootherOptions | None,
 ) -> FrameTracker:  # fmt: skip
     """The tracker before the first frame: by the smoother, the user's own filter, or as [tracking] selects.
 
-    ``ground``, ``smoother``: of the smoother.
+    ``ground``: of the smoother. ``smoother``: None where the smoother is not used.
     """
-    options, priors = config.tracking if own_filter is not None else tracking_options(config), config.priors
-    filters_alone = own_filter is not None or options.filter == "lowpass"
-    if filters_alone and not options.self_calibration:
-        return filter_tracker(options, priors, own_filter)
-    smoothed = smoothed_tracker(
-        options,
-        priors,
-        vehicle if isinstance(vehicle, SampleSource) else None,
-        kept,
-        lever_m=config.camera.mount.lever_arm_m,
-        smoother=smoother,
-        ground=ground.reference,
-        landmarks=[landmark.known for landmark in config.landmark],
-        motion_of=_motion_of(config),
-        own_poses=not isinstance(vehicle, Telemetry),
+    options = config.tracking if own_filter is not None else tracking_options(config)
+    priors, landmarks, smoothed = config.priors, [landmark.known for landmark in config.landmark], None
+    motion_of = _motion_of(config)
+    if smoother is not None and (options.filter == "kalman" or options.self_calibration):
+        smoothed = smoothed_tracker(
+            options,
+            priors,
+            vehicle if isinstance(vehicle, SampleSource) else None,
+            kept,
+            lever_m=config.camera.mount.lever_arm_m,
+            smoother=smoother,
+            ground=ground.reference,
+            landmarks=landmarks,
+            motion_of=motion_of,
+            own_poses=not isinstance(vehicle, Telemetry),
+        )
+    if own_filter is not None:
+        calibrates = options.self_calibration
+        return tracker_with(
+            own_filter, priors, vehicle.state_at, kept, self_calibration=calibrates, calibrating=smoothed
+        )
+    if smoothed is not None and options.filter == "kalman":
+        return smoothed
+    return make_tracker(
+        options, priors, vehicle.state_at, kept, landmarks=landmarks, calibrating=smoothed, motion_of=motion_of
     )
-    return filter_tracker(options, priors, own_filter, calibrating=smoothed) if filters_alone else smoothed
 
 
 def _motion_of(config: Config) -> dict[str, str]:

@@ -8,13 +8,8 @@ from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.line_types import CalibrationLine
 from fwav_companion.recording.lines import calibration_line
+from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, NoticeCode, Severity
-from fwav_companion.types.calibration_report import (
-    CalibrationReport,
-    CalibrationStatus,
-    PriorInflation,
-    SharedParameter,
-)
 from fwav_companion.types.flight_status import SelfCalibrationReport
 
 REPLACED = "self-calibration: the camera has moved since an earlier flight; that calibration is dropped"
@@ -120,10 +115,10 @@ class SelfCalibrationNotices:
 
 def _denial(each: PriorInflation) -> str:
     if each.parameter == SharedParameter.DELAY:
-        return f"camera stamps are {1e3 * each.without_prior:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
+        return f"camera stamps are {1e3 * each.alone:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
     if each.parameter == SharedParameter.HEIGHT:
-        off_m = each.without_prior
-        return f"height above ground is {off_m:+.1f} m off, beyond [uncertainty] height_bias_m: check [ground] model"
+        return (
+            f"height above ground is {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: check [ground] model"
+        )
     axis = "xyz"[each.parameter - SharedParameter.MOUNT_X]
-    off_deg = degrees(each.without_prior)
-    return f"mount is {off_deg:+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"
+    return f"mount is {degrees(each.alone):+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"

@@ -3,8 +3,6 @@
 - ``{"event": "refused", "received_unix": 5.25, "reasons": {"across_clock_step": 2}}``: datagrams that were rejected
   before they became frames, at most once a second.
 - ``{"event": "end", "received_unix": 61.5}``: the service stopped.
-- ``{"event": "late_solve", "received_unix": 9.5, "solve": 3, "frames": 13}``: the estimate of the third solve was not
-  ready for the first 13 frames that asked for it, so far; the last such line of a solve counts.
 - ``{"event": "began_with", "received_unix": 0.25, "calibration": {...}}``: the self-calibration of an earlier flight.
 """
 
@@ -43,17 +41,7 @@ class BeganWith(msgspec.Struct, frozen=True, tag_field="event", tag="began_with"
     """The stored JSON object of self-calibration, unchanged."""
 
 
-class LateSolve(msgspec.Struct, frozen=True, tag_field="event", tag="late_solve"):
-    """A solve that was not ready when its estimate was to be taken over: what the clock of the board did to it."""
-
-    received_unix: UnixSeconds
-    solve: Annotated[int, Meta(ge=1, le=10**12)]
-    """Number of the solve, from 1 in the order of starts."""
-    frames: Annotated[int, Meta(ge=1, le=10**12)]
-    """Number of frames that asked for its estimate in vain."""
-
-
-Event: TypeAlias = Refused | RecordingEnd | BeganWith | LateSolve
+Event: TypeAlias = Refused | RecordingEnd | BeganWith
 _decoder = msgspec.json.Decoder(Event)
 
 
@@ -65,11 +53,6 @@ def refused_line(unix_us: int, reasons: Mapping[Reason, int]) -> bytes:
 def began_with_line(unix_us: int, calibration: Mapping[str, Any]) -> bytes:
     """The line of a :class:`BeganWith`."""
     return msgspec.json.encode(BeganWith(unix_us / 1e6, dict(calibration))) + b"\n"
-
-
-def late_solve_line(unix_us: int, solve: int, frames: int) -> bytes:
-    """The line of a :class:`LateSolve`."""
-    return msgspec.json.encode(LateSolve(unix_us / 1e6, solve, frames)) + b"\n"
 
 
 def end_line(unix_us: int) -> bytes:

@@ -22,9 +22,9 @@ from fwav_companion.recording.summary_types import FinalObject, SummaryLine
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
-from fwav_companion.tracking import shares_of
+from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
-from fwav_companion.tracking.smoothed.solve_jobs import RecordedSolver, SmootherOptions
+from fwav_companion.tracking.smoothed.solve_jobs import InLineJob, SmootherOptions
 from fwav_companion.types import Frame, Message, NoFrame, StampClock, TrackState
 from fwav_companion.types.messages import ATTITUDE_MESSAGES
 
@@ -51,11 +51,13 @@ def replay(
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
     limits: bool = False,
+    smooths: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
     ``own_filter`` replaces the filter of [tracking] filter. ``limits``: the summary has, by track, the horizontal
-    variance that each live target would lose if one cause of its error were known, m^2.
+    variance that each live target would lose if one cause of its error were known, m^2. ``smooths``: the smoother
+    estimates.
     """
     pipeline = make_pipeline(
         _config_for(recording, config),
@@ -67,7 +69,7 @@ def replay(
         own_filter=own_filter,
         sightings=sightings,
         clock_rate=recording.clock_rate,
-        smoother=SmootherOptions(RecordedSolver(recording.late_frames), whole_flight=True),
+        smoother=SmootherOptions(InLineJob, whole_flight=True) if smooths else None,
     )
     tally, ends = ErrorTally(truth) if truth else None, dict[int, TargetLine]()
     for _ in _drive(pipeline, recording, own_components(config)):
@@ -81,9 +83,9 @@ def replay(
             if isinstance(line, SummaryLine):
                 yield msgspec.structs.replace(
                     line,
-                    final=_final(pipeline, ends),
+                    final=_final(pipeline, ends) if smooths else None,
                     errors=None if tally is None else tally.summary(),
-                    limits=_limits(pipeline) if limits else None,
+                    limits=_limits(pipeline, config) if limits else None,
                 )
                 continue
             yield line
@@ -94,8 +96,8 @@ def _final(pipeline: Pipeline, ends: Mapping[int, TargetLine]) -> list[FinalObje
     return final_places(pipeline.final_places(), ends, pipeline.telemetry.world.plane)
 
 
-def _limits(pipeline: Pipeline) -> dict[int, dict[str, float]]:
-    return {track: shares_of(target) for track, target in pipeline.best_targets.items()}
+def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:
+    return {track: bias_shares(target, config.priors) for track, target in pipeline.best_targets.items()}
 
 
 def _config_for(recording: Recording, config: Config) -> Config:

@@ -29,9 +29,10 @@ from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.kept_sights import KeptSights, SharedErrors
 from fwav_companion.replay.photograph_source import PhotographSource, VideoPoses, least_sigmas
-from fwav_companion.replay.recorded import SkippedLine, read_detections
+from fwav_companion.replay.recorded import SkippedLine, read_frames
 from fwav_companion.tracking import Settled
 from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from fwav_companion.types import (
     Frame,
     NoFrame,
@@ -64,16 +65,16 @@ class Photographs(msgspec.Struct, frozen=True):
 def join_photographs(file: PosesFile, detections: bytes) -> Photographs:
     """Poses and detections of the same pictures."""
     poses = file.poses
-    read = read_detections(detections, RecordingClock())
-    frames = sorted((entry for entry in read.entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
-    rejected = [entry for entry in read.entries if isinstance(entry, NoFrame)]
+    entries, _, skipped = read_frames(detections, RecordingClock())
+    frames = sorted((entry for entry in entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
+    rejected = [entry for entry in entries if isinstance(entry, NoFrame)]
     source = PhotographSource(poses, Geodetic(0.0, 0.0, 0.0))
     without = sum(source.pose_of(frame) is None for frame in frames)
     notes = [f"{without} of {len(frames)} pictures in the detections have no pose in it"] if without else []
     has_sigmas = any(s is not None for p in poses for s in (p.position_sigma_m, p.height_sigma_m, p.attitude_sigma))
     if has_sigmas and not file.sigmas_are_total:
         notes.append("its sigmas are each picture's own; `# sigmas: total` keeps the meaning of older files")
-    return Photographs(poses, [*frames, *rejected], read.skipped, notes, file.sigmas_are_total, file.shared)
+    return Photographs(poses, [*frames, *rejected], skipped, notes, file.sigmas_are_total, file.shared)
 
 
 def replay_photographs(
@@ -86,10 +87,11 @@ def replay_photographs(
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
     shared_errors: SharedErrors | None = None,
+    smooths: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
-    ``shared_errors``: what it returns is the summary's ``shared_errors``.
+    ``shared_errors``: what it returns is the summary's ``shared_errors``. ``smooths``: the smoother estimates.
     """
     origin = _origin(photographs.poses, config)
     total = photographs.sigmas_are_total
@@ -107,6 +109,7 @@ def replay_photographs(
         elevation=elevation,
         own_filter=own_filter,
         sightings=sightings,
+        smoother=SmootherOptions() if smooths else None,
     )
     undulation_m = geoid_undulation_m(origin.lat_deg, origin.lon_deg) if config.ground.model == "terrain" else None
     camera.on_origin(source.plane, TakeOff(origin, TakeOffSource.POSES), undulation_m)

@@ -5,18 +5,18 @@ A line that is not a frame is skipped and reported with its position.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US
 from fwav_companion.mavlink.wire import enums
-from fwav_companion.recording.events import BeganWith, LateSolve, RecordingEnd, Refused, parse_event
+from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, parse_event
 from fwav_companion.recording.tlog import SkippedBytes
 from fwav_companion.replay.telemetry import TelemetryRead, Timed, read_telemetry
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Frame, Message, NoFrame, Reason, StampClock
-from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
@@ -55,8 +55,6 @@ class Recording(msgspec.Struct, frozen=True):
     """System id of the recording companion; None if unknown."""
     kept: KeptCalibration | None = None
     """Self-calibration of an earlier flight from which the recorded service started."""
-    late_frames: Mapping[int, int] = {}
-    """Number of frames that asked for a solve's estimate in vain, by the solve's number."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches of the telemetry."""
     skipped_lines: Sequence[SkippedLine] = ()
@@ -69,17 +67,6 @@ class Recording(msgspec.Struct, frozen=True):
     """Whether attitudes are stamped at sampling, not at transmission."""
     clock_rate: float = 1.0
     """Rate of the autopilot's clock, from the telemetry."""
-
-
-class DetectionsRead(msgspec.Struct, frozen=True):
-    """The content of a detections file."""
-
-    entries: list[Frame | NoFrame | Refused | RecordingEnd]
-    kept: KeptCalibration | None
-    """Self-calibration at its beginning."""
-    late_frames: dict[int, int]
-    """As in :class:`Recording`."""
-    skipped: list[SkippedLine]
 
 
 def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
@@ -96,17 +83,17 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
     own_system = of_log or system or _first_autopilot(telemetry.messages)
     unix_offset_ns = _unix_offset_ns(telemetry.messages, own, own_system)
     clock = RecordingClock(unix_offset_ns, boot_is_unix=_boot_is_unix(telemetry.messages))
-    read = read_detections(detections, clock)
-    frames = _by_boot_time_alone(read.entries) if telemetry.exact_stamps else read.entries
+    frames, kept, skipped_lines = read_frames(detections, clock)
+    if telemetry.exact_stamps:
+        frames = _by_boot_time_alone(frames)
     return Recording(
         messages=telemetry.messages,
         frames=frames,
         unix_offset_ns=unix_offset_ns,
         own_system=own_system,
-        kept=read.kept,
-        late_frames=read.late_frames,
+        kept=kept,
         skipped=telemetry.skipped,
-        skipped_lines=read.skipped,
+        skipped_lines=skipped_lines,
         notes=[*telemetry.notes, *_later_and_later(telemetry, unix_offset_ns)],
         detection_notes=[*_other_times(telemetry.messages, frames, unix_offset_ns), *_shares(frames)],
         exact_stamps=telemetry.exact_stamps,
@@ -185,11 +172,12 @@ def _by_boot_time_alone(
     ]
 
 
-def read_detections(data: bytes, clock: RecordingClock) -> DetectionsRead:
-    """The lines of a detections file, by what they are."""
+def read_frames(
+    data: bytes, clock: RecordingClock
+) -> tuple[list[Frame | NoFrame | Refused | RecordingEnd], KeptCalibration | None, list[SkippedLine]]:
+    """The entries of the detections, the self-calibration at their beginning, and the lines that are not frames."""
     entries: list[Frame | NoFrame | Refused | RecordingEnd] = []
     kept: KeptCalibration | None = None
-    late_frames: dict[int, int] = {}
     skipped: list[SkippedLine] = []
     offset = 0
     for number, line in enumerate(data.split(b"\n"), start=1):
@@ -197,14 +185,12 @@ def read_detections(data: bytes, clock: RecordingClock) -> DetectionsRead:
             entry = parse_event(line) or parse_frame(line, None, clock)
             if isinstance(entry, BeganWith):
                 kept = _kept(entry) or kept
-            elif isinstance(entry, LateSolve):
-                late_frames[entry.solve] = entry.frames
             else:
                 entries.append(entry)
             if isinstance(entry, NoFrame) and entry.reason is Reason.MALFORMED:
                 skipped.append(SkippedLine(number, offset, entry.detail))
         offset += len(line) + 1
-    return DetectionsRead(entries, kept, late_frames, skipped)
+    return entries, kept, skipped
 
 
 def _kept(event: BeganWith) -> KeptCalibration | None:

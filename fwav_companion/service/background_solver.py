@@ -32,24 +32,19 @@ class SlicedTask(Protocol):
 class BackgroundJob:
     """A solve that the thread computes, or will compute."""
 
-    __slots__ = ("_estimate", "_failure", "_slices", "cancelled", "late_frames")
+    __slots__ = ("_estimate", "_failure", "_slices", "cancelled")
 
     def __init__(self, task: SlicedTask) -> None:
         self._slices = task.slices()
         self._estimate: Estimate | None = None
         self._failure: Exception | None = None
         self.cancelled = False
-        self.late_frames = 0
-        """Number of frames that asked in vain: with it a replay takes the estimate over at the same frame."""
 
     def estimate(self) -> Estimate | None:
         """The estimate; None while it is being computed. An exception of the solve is raised here."""
         if self._failure is not None:
             raise self._failure
-        estimate = self._estimate  # once: the thread may set it in between
-        if estimate is None:
-            self.late_frames += 1
-        return estimate
+        return self._estimate
 
     def compute(self) -> None:
         """All pieces; none after a cancellation. Runs in the thread."""
@@ -71,8 +66,6 @@ class BackgroundSolver:
     def __init__(self) -> None:
         self._waiting: deque[BackgroundJob] = deque(maxlen=1)
         self._current: BackgroundJob | None = None
-        self._started = self._noted_frames = 0
-        self._ended_late: dict[int, int] = {}
         self._wake = threading.Event()
         self._thread: threading.Thread | None = None
         self._closed = False
@@ -82,25 +75,13 @@ class BackgroundSolver:
         job = self.job_type(task)
         if self._current is not None:
             self._current.cancelled = True
-            if self._current.late_frames > self._noted_frames:
-                self._ended_late[self._started] = self._current.late_frames
-        self._current, self._noted_frames = job, 0
-        self._started += 1
+        self._current = job
         self._waiting.append(job)
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="solver", daemon=True)
             self._thread.start()
         self._wake.set()
         return job
-
-    def take_late_frames(self) -> dict[int, int]:
-        """Number of frames that asked in vain so far, by the solve's number from 1, where it has grown since the last
-        call.
-        """
-        found, self._ended_late = self._ended_late, {}
-        if self._current is not None and self._current.late_frames > self._noted_frames:
-            self._noted_frames = found[self._started] = self._current.late_frames
-        return found
 
     def close(self, timeout_s: float) -> None:
         """End the thread after the piece under way, or leave it after this time."""

@@ -11,10 +11,10 @@ import msgspec
 from fwav_companion.config import Config
 from fwav_companion.errors import ImplausibleStateError
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.kept_state import read_state
 from fwav_companion.service.latest_file import LatestFile, state_path
 from fwav_companion.types import Bias, ErrorPriors
-from fwav_companion.types.calibration_report import KeptCalibration
 
 NAME = "calibration.json"
 EVERY_TICKS = 60

@@ -1,36 +1,19 @@
-"""SHELL: reads the files that a configuration names, camera, elevation and the copies for a recording, and fits the
-configuration to the installed libraries.
-"""
+"""SHELL: reads the files that a configuration names: camera, elevation, and the copies for a recording."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
-import msgspec
-
 from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import Config, load, parse
 from fwav_companion.errors import ConfigError, InputFileError
-from fwav_companion.libraries import is_installed, require
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content, open_regular
 from fwav_companion.types.secrets import secrets_of
 
 LARGEST_BYTES = 1 << 20
 """Largest size of a calibration file: it has some hundred bytes; a file of a megabyte is another file."""
-
-
-def as_installed(config: Config) -> Config:
-    """The configuration of one that localizes, by this board's libraries. UserError where its filter needs another.
-
-    The low-pass needs none: without numpy it flies without self-calibration, whose result it would only report.
-    """
-    if is_installed("numpy"):
-        return config
-    if config.tracking.filter == "kalman":
-        require(f'{config.file}: [tracking] filter = "kalman"', "numpy")
-    return msgspec.structs.replace(config, tracking=msgspec.structs.replace(config.tracking, self_calibration=False))
 
 
 def load_calibration(config: Config) -> Calibration:

@@ -43,7 +43,7 @@ class Service:
         attitudes_kept_s: float | None = None,
         solver: BackgroundSolver | None = None,
     ) -> None:
-        """``elevation``: the tiles of [ground] terrain. ``solver``: computes the smoother's solves; None: the usual.
+        """``elevation``: the tiles of [ground] terrain. ``solver``: computes the smoother's solves; None: without it.
 
         ``extra_files``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: length of the
         attitude history for a witness that reads it afterwards.
@@ -55,7 +55,7 @@ class Service:
             elevation=elevation,
             extra_files=extra_files,
             attitudes_kept_s=attitudes_kept_s,
-            solver=BackgroundSolver() if solver is None else solver,
+            solver=solver,
         )
         self._dispatcher = Dispatcher(parts)
         self._fleet = make_fleet(
@@ -147,7 +147,8 @@ class Service:
         for part in (*inputs, *dispatcher.links.values()):
             if part is not None:
                 part.close()
-        parts.solver.close(SOLVER_STOP_S)
+        if parts.solver is not None:
+            parts.solver.close(SOLVER_STOP_S)
         for file in (parts.journal, self._status_file, parts.signing, parts.calibrations):
             file.close(FILE_STOP_S)
         self._notifier.close()

@@ -10,25 +10,24 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.strip_signature import unsigned, without_signature
-from fwav_companion.recording.events import began_with_line, end_line, late_solve_line, refused_line
+from fwav_companion.recording.events import began_with_line, end_line, refused_line
 from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.recorder import Recorder
-from fwav_companion.service.background_solver import BackgroundSolver
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.timer import HostClock
 from fwav_companion.types import Frame, NoFrame, Reason
-from fwav_companion.types.calibration_report import KeptCalibration
 from fwav_companion.vision.wire import encode_frame, stamp_line
 
 
 class Journal:
     """Passes events to the recorder, on the recording's clock, in the order in which a replay repeats them."""
 
-    def __init__(self, recorder: Recorder | None, clock: HostClock, solver: BackgroundSolver) -> None:
-        """``recorder``: None if recording is off. ``solver``: its late solves are recorded."""
+    def __init__(self, recorder: Recorder | None, clock: HostClock) -> None:
+        """``recorder``: None if recording is off."""
         self._recorder = recorder
         self.records = recorder is not None
         """Whether recording is on."""
-        self._clock, self._solver = clock, solver
+        self._clock = clock
         self._refused: Counter[Reason] = Counter()
         self._pictures = 0
 
@@ -83,23 +82,15 @@ class Journal:
             self._recorder.on_armed(armed, self._clock.unix_us(now))
 
     def tick(self, now: HostNs) -> None:
-        """Record the counts of refused frames and the late solves, once a second."""
+        """Record the counts of refused frames, once a second."""
         if self._refused and self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), refused_line(self._clock.unix_us(now), self._refused))
         self._refused.clear()
-        self._record_late_solves(now)
 
     def end(self, now: HostNs) -> None:
         """Record the end of the flight: no event follows."""
         if self._recorder is not None:
-            self._record_late_solves(now)
             self._recorder.detection(self._clock.unix_us(now), end_line(self._clock.unix_us(now)))
-
-    def _record_late_solves(self, now: HostNs) -> None:
-        if self._recorder is not None:
-            unix_us = self._clock.unix_us(now)
-            for solve, frames in self._solver.take_late_frames().items():
-                self._recorder.detection(unix_us, late_solve_line(unix_us, solve, frames))
 
     @property
     def state(self) -> str | None:

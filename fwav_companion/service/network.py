@@ -14,7 +14,6 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.node import Node
-from fwav_companion.mavlink.router.own_frames import OwnIds
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.pipeline.pipeline_factory import WANTED
 from fwav_companion.service.journal import Journal
@@ -28,15 +27,8 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
     """
     _require_message_names(config)
     signing = signing_policy(config, signing_key, signing_timestamp)
-    companion, has_camera = config.vehicle.component_id, config.publish.camera_tracking
     return Node(
-        link_policies(config),
-        WANTED,
-        own=OwnIds(
-            (companion, CAMERA_COMPONENT_ID) if has_camera else (companion,),
-            follow_system=0 if config.act is None else config.act.follow_system_id,
-        ),
-        signing=signing,
+        link_policies(config), WANTED, components=(config.vehicle.component_id, CAMERA_COMPONENT_ID), signing=signing
     )
 
 

@@ -13,6 +13,7 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.service.board import board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
@@ -23,7 +24,6 @@ from fwav_companion.service.service_factory import make_recorder
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.timer import HostClock
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
-from fwav_companion.types.calibration_report import KeptCalibration
 
 
 class ArrivalCount:
@@ -52,8 +52,8 @@ class ServiceParts(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     node: Node
     journal: Journal
     arrivals: ArrivalCount
-    solver: BackgroundSolver
-    """Computes the smoother's solves."""
+    solver: BackgroundSolver | None
+    """None where the smoother does not estimate."""
 
 
 def make_parts(
@@ -64,7 +64,7 @@ def make_parts(
     elevation: Sequence[ElevationTile],
     extra_files: Mapping[str, bytes],
     attitudes_kept_s: float | None,
-    solver: BackgroundSolver,
+    solver: BackgroundSolver | None,
 ) -> ServiceParts:
     """The parts by the configuration and the files that it names."""
     log, clock = ServiceLog(config), HostClock()
@@ -80,7 +80,7 @@ def make_parts(
         unit=board_name(),
         attitudes_kept_s=attitudes_kept_s,
         written=bool(config.record.directory),
-        smoother=SmootherOptions(solver),
+        smoother=None if solver is None else SmootherOptions(solver),
     )
     signing = SigningStore(config, warn, wall_clock_is_synchronised)
     node = make_node(config, signing_key, signing.starting_timestamp(clock.started_unix_ns))
@@ -94,7 +94,7 @@ def make_parts(
         pipeline=pipeline,
         signing=signing,
         node=node,
-        journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock, solver),
+        journal=Journal(make_recorder(config, extra_files, pipeline, warn), clock),
         arrivals=ArrivalCount(),
         solver=solver,
     )

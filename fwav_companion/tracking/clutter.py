@@ -34,16 +34,13 @@ class Clutter(msgspec.Struct, frozen=True):
     """Labels of which false detections are denser now."""
     image_px2: float = 1.0
 
-    def llr_of(self, fix: GroundFix, area_px2: float | None = None) -> float:
-        """Sum of NIS and log determinant ratio of a fix at which target and clutter are equally likely.
-
-        ``area_px2``: its ``noise_area_px2``, where that is known.
-        """
+    def llr_of(self, fix: GroundFix) -> float:
+        """Sum of NIS and log determinant ratio of a fix at which target and clutter are equally likely."""
         false_per_px2 = self.false_per_px2
         if self.crowd.labels:
             crowded = self.crowd.false_per_frame(fix.sighting.detection.label) / self.image_px2
             false_per_px2 = max(false_per_px2, crowded)
-        return -2.0 * log(false_per_px2 * (noise_area_px2(fix) if area_px2 is None else area_px2))
+        return -2.0 * log(false_per_px2 * noise_area_px2(fix))
 
 
 def clutter(detector: DetectorModel, image_px2: float) -> Clutter:

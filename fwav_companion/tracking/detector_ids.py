@@ -104,3 +104,5 @@ class IdTrust(msgspec.Struct, frozen=True, gc=False):
 
 CERTAIN = IdTrust(CERTAIN_TRUST, met=False)
 """The trust in the id of a fix that no other track might have taken."""
+NO_IDS = IdEvidence()
+"""The evidence before a flight."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.crowd import Crowd
 from fwav_companion.tracking.filters.base import ReportedTarget
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, Reason, Track
-from fwav_companion.types.calibration_report import CalibrationReport
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
@@ -49,6 +50,13 @@ class FrameTracker(Protocol):
     def unused_fixes(self) -> Mapping[Reason, int]:
         """Number of fixes of the newest frame that are assigned to no reported track, by reason."""
 
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Instant at which self-calibration catches up even if no further frame comes."""
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Let self-calibration process what is due while no frame comes."""
+
     def best_targets(self) -> Mapping[int, ReportedTarget]:
         """The reported targets of all live tracks, by id."""
         ...
@@ -66,9 +74,6 @@ class FrameTracker(Protocol):
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id. A track that this frame deleted is included once."""
         ...
-
-    def on_telemetry(self) -> None:
-        """Take the telemetry since the newest frame, which is not kept until one that comes seconds later."""
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""

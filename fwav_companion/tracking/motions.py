@@ -16,3 +16,8 @@ class Motions(msgspec.Struct, frozen=True):
     def moves(self, label: str) -> bool:
         """Whether targets of this label may move."""
         return self.by_label.get(label, self.default)
+
+    @property
+    def any_moves(self) -> bool:
+        """Whether targets of any label may move."""
+        return self.default or any(self.by_label.values())

@@ -28,11 +28,11 @@ class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Rate to which alpha refers, hertz; 0: the paper's recursion, one step a frame, one sample late."""
     motion: Literal["static", "moving"] = "static"
     """Motion of the targets: at rest, or at nearly constant velocity."""
-    self_calibration: bool = True
+    self_calibration: bool = False
     """Whether time offset, mount and height are estimated in flight, from static targets that are seen again and again.
 
-    All tracks are corrected by it. False: delay and mount stay as configured, and their priors count in every claim.
-    With ``lowpass`` or a user's own filter the result is reported and kept, and not applied to the tracks.
+    The tracks of static targets are corrected by it. With ``lowpass``, a user's own filter or ``moving`` the result is
+    reported and kept, and not applied to the tracks.
     """
 
     @property

@@ -76,8 +76,6 @@ class NoticeCode(StrEnum):
     """A second program uses our ids."""
     SIGNING_AHEAD = "signing_ahead"
     """The signing time is more than a minute ahead of UTC."""
-    WRONG_SIGNATURE = "wrong_signature"
-    """Frames were refused that are signed with another key."""
     SIGNED_IN_THE_PAST = "signed_in_the_past"
     """Frames of a sender were refused that is more than a minute behind our signing time."""
     BYTES_SHED = "bytes_shed"

@@ -212,6 +212,11 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
         return self.gimbal.rates if isinstance(self.gimbal, GimbalAt) else self.rates
 
     @property
+    def carrier_acceleration(self) -> Vector3:
+        """Angular acceleration of the carrier of the camera, its own axes, rad/s^2; zero for a gimbal."""
+        return ZERO3 if isinstance(self.gimbal, GimbalAt) else self.angular_acceleration
+
+    @property
     def carrier_sigma(self) -> float:
         """One sigma of the carrier's attitude about each axis due to interpolation, radians."""
         return self.gimbal.sigma if isinstance(self.gimbal, GimbalAt) else self.attitude_sigma

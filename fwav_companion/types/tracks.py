@@ -77,6 +77,22 @@ class GateResult(msgspec.Struct, frozen=True, gc=False):
     """Log of the determinant ratio of innovation covariance to the fix's own noise, horizontal."""
 
 
+class GateShare(msgspec.Struct, frozen=True, gc=False):
+    """Share of a track, or of a fix, in the innovation's variance along north and east.
+
+    With the shares a and b, the north variance is at most ``a.nn + b.nn + |a.north - b.north|^2``; likewise for east.
+    """
+
+    nn: float
+    """Variance of the errors that track and fix do not share, north, m^2."""
+    ee: float
+    """Variance of the errors that track and fix do not share, east, m^2."""
+    north: tuple[float, ...]
+    """Sensitivity of the north component to shared errors of unit variance, metres."""
+    east: tuple[float, ...]
+    """Sensitivity of the east component to shared errors of unit variance, metres."""
+
+
 OUTSIDE_GATE = GateResult(inf, 0.0)
 """The result of a fix outside the coarse gate."""
 

@@ -6,7 +6,6 @@ import asyncio
 import os
 import signal
 import socket
-import stat
 import subprocess
 import sys
 import time
@@ -19,7 +18,7 @@ from typing import Protocol
 import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
-from fwav_companion.types import DeliveryReport, NoFrame, Reason
+from fwav_companion.types import DeliveryReport
 from fwav_companion.types.spots import QUESTION, REFUSAL, SpotRefused
 from fwav_companion.types.status import VisionReport
 from fwav_companion.types.track_marks import MARKS_QUESTION
@@ -203,25 +202,18 @@ class VisionProcess:
                 asyncio.get_running_loop().remove_reader(sock)
                 self._ended.set()
                 return
+            self._heard_s = time.monotonic()
             if descriptors:
                 self._take_picture(data, descriptors[0])
-                continue
-            try:
+            else:
                 self._take(data)
-            except msgspec.DecodeError as error:
-                # Decoders of hostile pictures, or another version's process after an update: no fault of tracking.
-                self._receiver.on_frame(NoFrame(Reason.MALFORMED, f"a message of the vision process: {error}"))
-                continue
-            self._heard_s = time.monotonic()
 
     def _take_picture(self, data: bytes, descriptor: int) -> None:
-        """Hand a kept picture to the desk, unless it is too large or no file, which has no end or blocks."""
+        """Hand a kept picture to the desk, unless it is too large."""
         with open(descriptor, "rb") as file:
-            about = os.fstat(descriptor)
-            is_picture = data.startswith(KEPT_PICTURE) and stat.S_ISREG(about.st_mode) and about.st_size <= MOST_JPEG
-            if self._desk is not None and is_picture:
+            if self._desk is not None and data.startswith(KEPT_PICTURE) and os.fstat(descriptor).st_size <= MOST_JPEG:
                 file.seek(0)
-                self._desk.on_picture(data[len(KEPT_PICTURE) : -1], file.read(MOST_JPEG))
+                self._desk.on_picture(data[len(KEPT_PICTURE) : -1], file.read())
 
     def _take(self, data: bytes) -> None:
         if data.startswith(_STATE):

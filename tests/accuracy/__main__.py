@@ -73,7 +73,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.accuracy", description=(__doc__ or "").partition("\n")[0])
     add = parser.add_argument
-    add("--estimator", choices=ESTIMATORS, default="third")
+    add("--estimator", choices=ESTIMATORS, default="second")
     add("--kinds", nargs="+", choices=NAMES, default=list(NAMES), metavar="KIND", help=", ".join(NAMES))
     add("--seeds", type=int, default=8, metavar="N", help="flights of each kind; default %(default)s")
     add("--date", default="", type=_date, metavar="YYYY-MM-DD", help="draw the seeds from a date; default: 1 to N")

@@ -47,10 +47,13 @@ from tests.support.configured_links import AUTOPILOT
 from tests.support.surface_tiles import surface_tile
 
 ESTIMATORS: dict[str, tuple[str, ...]] = {
+    "second": ("tracking.self_calibration=true",),
     "third": ("tracking.self_calibration=true",),
     "plain": ("tracking.self_calibration=false",),
 }
 """Settings of the replay that choose an estimator, by its name."""
+SMOOTHS = frozenset({"third"})
+"""Estimators that are the smoother."""
 CAMERA = """
 model: kannala_brandt
 image_size: [640, 480]
@@ -180,7 +183,7 @@ def replayed(plan: Plan, recording: Recording, estimator: str) -> Iterator[Line]
     config = parse(plan.text, "flight.toml", (*plan.settings, *ESTIMATORS[estimator]))
     read = read_recording(recording.telemetry, recording.detections, own_components(config), config.vehicle.system_id)
     elevation: Sequence[ElevationTile] = (surface_tile(Simulation(plan.options)),) if plan.has_surface else ()
-    return replay(read, config, plan.calibration, elevation=elevation)
+    return replay(read, config, plan.calibration, elevation=elevation, smooths=estimator in SMOOTHS)
 
 
 def scored(kind: str, seed: int, estimator: str, folder: Path, random_seed: int = 1) -> FlightScore:

@@ -132,8 +132,6 @@ KINDS: dict[str, Kind] = {
         Kind("survey", "survey"),
         Kind("slow_telemetry", "slow_telemetry", "drawn", {"seconds": 60.0, "autopilot.true_ceiling_hz": 4.0,
              "autopilot.rates_hz": {"ATTITUDE": 4.0, "ATTITUDE_QUATERNION": 4.0, "GLOBAL_POSITION_INT": 4.0}}),
-        Kind("flapping_at_4_hz", "default", "drawn", {"seconds": 40.0, "autopilot.true_ceiling_hz": 4.0,
-             "autopilot.rates_hz": {"ATTITUDE": 4.0, "ATTITUDE_QUATERNION": 4.0, "GLOBAL_POSITION_INT": 4.0}}),
         Kind("walker", "default", "wander", {"targets": (WALKER, *_targets((-2.0, -2.0), (2.0, -3.0), (0.0, 2.5),
              label="thing"))}, ("tracking.motion=moving",)),
         Kind("targets_10", "default", "wander", {"targets": _grid(2, 5)}),

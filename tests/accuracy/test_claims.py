@@ -13,7 +13,7 @@ from tests.accuracy.flights import fly, plan_of, replayed
 from tests.accuracy.kinds import RANDOM
 from tests.accuracy.scores import Tracks
 
-ESTIMATOR = os.environ.get("ACCURACY_ESTIMATOR", "third")
+ESTIMATOR = os.environ.get("ACCURACY_ESTIMATOR", "second")
 FLIGHTS = int(os.environ.get("ACCURACY_FLIGHTS", "300"))
 PLAN_SEED = 2026
 MINUTES = 120

@@ -33,6 +33,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(Path(__file__).p
 
 from autopilot_tap import Tap  # noqa: E402
 from processes import free_port  # noqa: E402
+from pymavlink.dialects.v20.ardupilotmega import MAV_FRAME_BODY_FRD  # noqa: E402
 from test_forged_frames import forged  # noqa: E402
 
 from fwav_companion.cli.main import main as command  # noqa: E402
@@ -134,10 +135,15 @@ def configured(folder: Path, autopilot: int, detections: int, stations: int) -> 
 
 
 def is_ours(message: Any) -> bool:
-    """Whether a message is the service's LANDING_TARGET. The stranger's are passed to the vehicle, too, but for those
-    with the service's ids.
+    """Whether a message is the service's LANDING_TARGET. The stranger's own ones are passed to the vehicle, too, also
+    those with the service's ids, as of a second program; their drawn bytes are no position in the body's frame.
     """
-    return message.get_type() == "LANDING_TARGET" and (message.get_srcSystem(), message.get_srcComponent()) == (1, 191)
+    ids = (message.get_srcSystem(), message.get_srcComponent())
+    return (
+        message.get_type() == "LANDING_TARGET"
+        and ids == (1, 191)
+        and (message.frame, message.position_valid) == (MAV_FRAME_BODY_FRD, 1)
+    )
 
 
 class Landings(list[tuple[float, Any]]):

@@ -120,25 +120,6 @@ def test_photographs_without_a_zone_ask_for_a_start_and_count_from_it(tmp_path, 
     assert [frame["time_unix"] for frame in frames] == [NOON_S, NOON_S + 2.0]
 
 
-@pytest.mark.parametrize(
-    ("option", "name"), [("--out", "d.jsonl"), ("--poses-out", "p.csv"), ("--out", "no/d.jsonl"), ("--draw", "a.jpg")]
-)
-def test_an_output_that_cannot_be_written_is_one_line_with_its_name(tmp_path, config, capsys, option, name):
-    """A disk that is full, and a folder that does not exist."""
-    folder, out = tmp_path / "pictures", tmp_path / "out"
-    for each in (folder, out):
-        each.mkdir()
-    photograph(folder / "a.jpg", time="2026:05:01 12:00:00", offset="+00:00", xmp=DJI)
-    why = "No such file or directory"
-    if "/" not in name:
-        (out / name).symlink_to("/dev/full")
-        why = "No space left on device"
-    words = {"--out": str(tmp_path / "d.jsonl"), option: str(out if option == "--draw" else out / name)}
-    status = main(["detect", str(folder), "--config", str(config), *(word for pair in words.items() for word in pair)])
-    assert status == 2
-    assert capsys.readouterr().err.splitlines()[-1] == f"fwav-companion: {out / name}: {why}; accepted: a writable file"
-
-
 @pytest.mark.parametrize("start", ["2026-05-01T14:00:00", "yesterday", ""])
 def test_a_start_without_a_zone_is_refused(tmp_path, config, capsys, start):
     status, _ = detected(config, tmp_path, "--start", start)

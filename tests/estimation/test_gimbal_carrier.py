@@ -62,7 +62,7 @@ def test_pose_at_the_gimbals_delay_is_the_true_one(carrier):
 def pose_at(carrier, t, delay=0.0):
     """The pose at one instant."""
     instants = np.array([t])
-    return carrier.live_poses(instants, delay)
+    return carrier.poses(instants, carrier.live_rates(instants, delay), delay)
 
 
 def test_rate_is_that_of_the_camera_with_the_turning_vehicle(carrier):
@@ -83,7 +83,7 @@ def test_jacobian_by_the_gimbals_delay_turns_the_gimbal_alone(carrier):
     def found(delay):
         at = shared.copy()
         at[GIMBAL_DELAY] = delay
-        poses = carrier.live_poses(AT, delay)
+        poses = carrier.poses(AT, carrier.live_rates(AT, delay), delay)
         return project(poses, rays, tangents, at, targets, np.zeros((3, 1)), np.zeros(3))
 
     exact, step = found(DELAY_S), 1e-3

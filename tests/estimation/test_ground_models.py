@@ -1,4 +1,4 @@
-"""Sloping ground, elevated targets, and readings of the height in the batch and in the live filter."""
+"""Sloping ground, elevated targets, and a rangefinder's readings in the batch and in the live filter."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -8,7 +8,7 @@ import pytest
 from estimated_flights import Planted, flown
 from simulated_flight import Flight, path
 
-from fwav_companion.estimation.errors import HEIGHT, SampleNoise, priors
+from fwav_companion.estimation.errors import SampleNoise, priors
 from fwav_companion.estimation.ground import LevelGround, TargetPrior
 from fwav_companion.estimation.range_readings import SAME_FOOT_M, RangeReading, RangeReadings
 
@@ -121,73 +121,10 @@ def test_reading_between_two_solves_updates_the_live_error():
     reading, foot = estimator.carrier.ranges.newest(-np.inf, np.inf)
     live.t = reading.t + 1.0
     live.carrier.ranges.append(RangeReading(reading.t + 1.0, reading.height_m + 1.0, 0.03), tuple(foot))
-    live._update_by_height(live.carrier.ranges)
+    live._update_by_range()
     assert live.mean[live.error + 2] < before.mean[live.error + 2] - 0.3
     assert live.covariance[live.error + 2, live.error + 2] < before.covariance[live.error + 2, live.error + 2] - 2.0
     assert live.mean[: live.size].tolist() == before.mean[: live.size].tolist()
-
-
-TOO_HIGH_M = 2.0
-"""Error of the barometer: four sigmas of its prior."""
-BAROMETER = priors(camera_delay_s=0.0, mount_rad=0.0, heading_rad=0.0, tilt_rad=0.0, height_m=0.5)
-
-
-@cache
-def sized(*, sizes=True, consider=True):
-    """A flight whose barometer is off; the size of target 0 shows the camera's height to 3 cm and 1 %."""
-    errors = np.zeros(13)
-    errors[HEIGHT] = TOO_HIGH_M
-    planted, rng = Planted(TURNS, errors), np.random.default_rng(8)
-
-    def observe(estimator, stamp):
-        if sizes:
-            above_m = -path(TURNS, np.array([stamp]))[0][0][2]
-            shown_m = 1.005 * above_m + 0.03 * rng.standard_normal()
-            estimator.add_size(RangeReading(stamp, shown_m, 0.03, 0.01 * above_m), TURNS.targets[0])
-
-    noise = SampleNoise(attitude_rad=planted.attitude_noise, height_wander_m=0.4)
-    return planted, flown(planted, BAROMETER, noise, consider=consider, observe=observe)
-
-
-def height_error(estimator):
-    """Estimated error of the reported height, m, and its one sigma."""
-    live = estimator.live
-    row = np.zeros(len(live.mean))
-    row[[HEIGHT, live.error + 2]] = 1.0
-    return float(row @ live.mean), float(np.sqrt(row @ live.covariance @ row))
-
-
-@pytest.mark.parametrize("consider", [True, False])
-def test_size_of_a_tag_shows_the_barometers_error_with_and_without_self_calibration(consider):
-    planted, estimator = sized(consider=consider)
-    error, sigma = height_error(estimator)
-    assert error == pytest.approx(TOO_HIGH_M, abs=4.0 * sigma)
-    assert 0.02 < sigma < 0.15
-    for target in (0, 1):
-        relative = estimator.answer(target, 13.9).relative
-        camera = path(TURNS, np.array([13.9]))[0][0]
-        assert relative[:2] == pytest.approx(np.array(planted.flight.targets[target]) - camera[:2], abs=0.1)
-
-
-def test_without_sizes_a_barometer_that_is_off_is_believed_without_self_calibration():
-    estimator = sized(sizes=False)[1]
-    error, sigma = height_error(estimator)
-    assert estimator.live.mean[HEIGHT] == 0.0
-    assert error < TOO_HIGH_M - 1.0
-    assert sigma > 0.4
-
-
-def test_size_between_two_solves_corrects_the_height_and_no_other_parameter():
-    estimator = sized()[1].copy()
-    before = estimator.live.copy()
-    reading, foot = estimator.carrier.sizes.newest(-np.inf, np.inf)
-    later = RangeReading(reading.t + 1.0, reading.height_m - 1.0, 0.01)
-    assert estimator.add_size(later, tuple(foot))
-    estimator.live.predict(reading.t + 1.0)
-    moved = estimator.live.mean - before.mean
-    assert moved[HEIGHT] > 0.05
-    assert moved[HEIGHT] + moved[before.error + 2] > 0.3
-    assert np.delete(moved[: before.size], HEIGHT).tolist() == [0.0] * (before.size - 1)
 
 
 def readings(times, feet):
@@ -214,15 +151,6 @@ def test_readings_within_a_break_of_the_path_are_left_out():
     kept = readings([1.0, 1.5, 2.0], [(0.0, 0.0)] * 3)
     used = kept.used(np.array([0.0, 3.0]), [SimpleNamespace(before=1.2, after=1.8)], 0.1)
     assert used.t.tolist() == [1.0, 2.0]
-
-
-def test_scale_that_the_sizes_of_a_tag_share_does_not_average_out():
-    kept = RangeReadings(of_targets=True)
-    for t in (0.1, 0.2, 0.3):
-        assert kept.append(RangeReading(t, 10.0, 0.03, 0.1), (0.0, 0.0))
-    used = kept.copy().used(np.array([0.0, 1.0]), [], 0.0)
-    assert used.variance == pytest.approx([0.03**2 + 3 * 0.1**2] * 3)
-    assert used.of_target.tolist() == [1.0] * 3
 
 
 @pytest.mark.parametrize("values", [(np.nan, 0.1), (3.0, np.inf), (3.0, -0.1)])

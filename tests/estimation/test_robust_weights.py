@@ -9,12 +9,7 @@ from fwav_companion.estimation.errors import SampleNoise
 from fwav_companion.estimation.information import sighting_rows
 from fwav_companion.estimation.post_fit import judge_sightings, post_fit
 from fwav_companion.estimation.problem import State
-from fwav_companion.estimation.robust_weights import (
-    LeaveOneOut,
-    expected_weights,
-    leave_one_out_distance2,
-    survey_weights,
-)
+from fwav_companion.estimation.robust_weights import leave_one_out_distance2, survey_weights
 from fwav_companion.estimation.smoother import gauss_newton_step, iterate, sighting_noise
 from fwav_companion.estimation.wander import SMOOTH
 
@@ -27,13 +22,13 @@ def problem():
     return problem_of(planted, SampleNoise(position_wander_m=1.0, height_wander_m=0.1))
 
 
-def fitted(problem, displaced_sigmas, which=(30,)):
-    """The weights after a solve of which some sightings are displaced by so many sigmas of their noise."""
+def fitted(problem, displaced_sigmas):
+    """The weights after a solve whose sighting 30 is displaced by so many sigmas of its noise."""
     residual = problem.linearise
 
     def linearise(state, kernel):
         found = residual(state, kernel)
-        found.residual[0, list(which)] += displaced_sigmas
+        found.residual[0, 30] += displaced_sigmas
         return found
 
     problem.linearise = linearise
@@ -56,22 +51,6 @@ def test_false_detection_is_left_out_where_the_wander_would_explain_it(problem):
     assert weight[30] < 0.01
     assert np.delete(weight, 30).min() > 0.5
     assert fitted(problem, 0.0)[30] > 0.9
-
-
-def test_a_quarter_of_false_detections_far_off_is_left_out_and_the_right_ones_count(problem):
-    """In a fit in which all of them count, they pull it as far from the right ones as from themselves."""
-    false = np.arange(1, len(problem.s), 4)
-    weight = fitted(problem, 150.0, false)
-    assert weight[false].max() < 0.01
-    assert np.delete(weight, false).min() > 0.5
-
-
-def test_sighting_that_the_others_hardly_predict_moves_a_fit_by_its_probability():
-    """One unknown with a prior of 30 sigmas of the noise, one sighting of it: right with 7 %."""
-    prior2, distance2 = 900.0, 16.0 + 2.0 * np.log(0.93 / 0.07)
-    weight = float(expected_weights(LeaveOneOut(np.array([distance2]), np.array([prior2])))[0])
-    moved = prior2 / (prior2 + 1.0 / weight)
-    assert moved == pytest.approx(0.07 * prior2 / (prior2 + 1.0), rel=0.02)
 
 
 def test_distances_are_those_of_fits_that_leave_each_measurement_out():
@@ -117,7 +96,7 @@ def test_prediction_by_all_sightings_is_that_of_the_dense_fit(problem):
     mean = covariance @ right
     assert after.residual == pytest.approx(projection.residual - j @ mean, abs=1e-4)
     assert after.known == pytest.approx(np.einsum("aiu,uv,biv->abi", j, covariance, j), rel=1e-3, abs=1e-6)
-    assert judge_sightings(problem, noise, after).distance2.mean() == pytest.approx(2.0, abs=1.0)
+    assert judge_sightings(problem, noise, after).mean() == pytest.approx(2.0, abs=1.0)
 
 
 def test_of_surveys_that_count_the_farthest_is_left_out_first():
@@ -127,11 +106,6 @@ def test_of_surveys_that_count_the_farthest_is_left_out_first():
     left_out = np.array([1.0, 1e-7, 1.0])
     assert survey_weights(np.array([1.0, 60.0, 40.0]), left_out)[2] < 1e-3  # a second one
     assert survey_weights(np.array([1.0, 2.0, 1.0]), left_out)[1] > 0.9  # it returns
-
-
-def test_of_surveys_that_are_all_far_off_the_farthest_alone_is_left_out():
-    """Surveys of 0.05 m of which one is 1.8 m off make the right ones look wrong by tens of sigmas."""
-    assert survey_weights(np.array([610.0, 1480.0, 590.0]), np.ones(3)) == pytest.approx([1.0, 0.0, 1.0], abs=1e-5)
 
 
 def test_two_surveys_that_contradict_each_other_count_by_half():

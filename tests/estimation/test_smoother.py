@@ -58,7 +58,7 @@ def dense_noise(weighted, problem):
 def test_smoother_is_the_minimum_that_scipy_finds(problem, monkeypatch):
     # Derivatives without the removal of noise: Gauss-Newton then solves the very problem that scipy solves.
     monkeypatch.setattr(problem, "_path_noise", lambda shared, poses, kernel: np.zeros((2, len(problem.s))))
-    monkeypatch.setattr(problem.carrier.attitudes, "motion_share", lambda t, fast, slow, unseen_rad: np.ones((3, 1)))
+    monkeypatch.setattr(problem.carrier.attitudes, "motion_share", lambda t, fast, slow: np.ones((3, 1)))
     monkeypatch.setattr(problem, "_rates", None)
     samples = problem.carrier.path.buffer.values
     monkeypatch.setattr(problem.carrier.path, "buffer", problem.carrier.path.buffer.copy())

@@ -13,6 +13,7 @@ from fwav_companion.fleet.fleet_tracks import FleetTracks
 from fwav_companion.fleet.options import FleetTable
 from fwav_companion.fleet.payloads import TracksMessage, decoded, encoded
 from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
 from sitl_mock import scenario
 
 
@@ -21,16 +22,16 @@ def square(values) -> np.ndarray:
     return np.array([[nn, ne, nd], [ne, ee, ed], [nd, ed, dd]])
 
 
-@pytest.fixture(scope="module", params=["lowpass", "kalman"])
+@pytest.fixture(scope="module", params=[None, SmootherOptions()], ids=["filter", "smoother"])
 def shared(request):
-    """(message, state, flight) at the end of a flight, by a tracker without common errors and by one with them."""
-    flown = fly(scenario("demo").but({"seconds": 12.0}), (f"tracking.filter={request.param}",))
+    """(message, state, flight) at the end of a flight, by each estimator."""
+    flown = fly(scenario("demo").but({"seconds": 12.0}), (), smoother=request.param)
     companion = flown.companion
     tracks, situation, obstacle = companion.pipeline.shared(companion._now)
     situation = msgspec.structs.replace(situation, utc_minus_host_s=1000.0)
     maker = FleetTracks(FleetTable(), companion.config.priors, "session")
     common = companion.pipeline.common_errors()
-    assert bool(common) is (request.param == "kalman")
+    assert bool(common) is (request.param is not None)
     message, state = maker.messages(tracks, situation, obstacle, common)
     assert tracks
     assert message.tracks

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import random
-import re
-from pathlib import Path
-
 import pytest
-from configured_links import AUTOPILOT, GROUND
-from mavlink_wire import Wire, dialect, pymavlink_arguments, random_values
+from mavlink_wire import Wire, dialect
 
-from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.acceptance import SETTLING_NS
 from fwav_companion.mavlink.router.link_reports import REPORT_NS
 from fwav_companion.mavlink.router.node import LinkPolicy, Node, Received
-from fwav_companion.mavlink.router.own_frames import OwnIds
 from fwav_companion.pipeline.pipeline_factory import WANTED
-from fwav_companion.service.network import make_node
 from fwav_companion.types import Destination, NoticeCode, Outgoing
 
 LINKS = (
@@ -26,19 +18,14 @@ LINKS = (
     LinkPolicy("tablet", "gcs"),
     LinkPolicy("mavros", "payload"),
 )
-ROOT = Path(__file__).parents[2]
-SPOKEN = re.compile(r"\b[A-Z_]{4,}\b(?![^(]*\))")
-"""A message's name, but not the commands in brackets."""
-REQUESTS = {"COMMAND_LONG", "COMMAND_INT", "REQUEST_DATA_STREAM", "PARAM_REQUEST_READ", "TIMESYNC", "PING"}
-"""What we send as any sender may, with ids of its own."""
 INVALID = dialect.MAV_AUTOPILOT_INVALID
 
 
 class Net:
     """A node with a vehicle of system 1, a station and a second companion program, heard for longer than it settles."""
 
-    def __init__(self, node: Node | None = None) -> None:
-        self.node = node or Node(LINKS, WANTED)
+    def __init__(self) -> None:
+        self.node = Node(LINKS, WANTED)
         self.node.adopt(1, 1)
         self.now = HostNs(5_000 * NS_PER_S)
         self.vehicle, self.station, self.mavros = Wire(1, 1), Wire(255, 190), Wire(1, 240)
@@ -53,12 +40,6 @@ class Net:
 
     def count(self, name: str, link: str) -> int:
         return next(getattr(traffic, name) for traffic in self.node.statistics(self.now) if traffic.name == link)
-
-
-def own_messages() -> set[str]:
-    """Names of the messages that the service sends: first column of the reference page's table."""
-    table = (ROOT / "docs" / "reference" / "mavlink.md").read_text().split("## ")[1]
-    return {name for line in table.splitlines() if line.startswith("| ") for name in SPOKEN.findall(line.split("|")[1])}
 
 
 def claims(wire: Wire) -> list[bytes]:
@@ -154,61 +135,6 @@ def test_an_echo_of_ours_differs_from_a_second_program() -> None:
     assert received.messages == []
     assert list(received.frames) == []
     assert net.count("id_conflict", "tablet") == 2
-
-
-def test_reference_page_has_each_message_that_flights_send() -> None:
-    frozen = (ROOT / "tests" / "outside" / "messages.txt").read_text().splitlines()[1:]
-    assert {line.split()[1] for line in frozen if " to " in line} <= own_messages()
-
-
-@pytest.mark.parametrize("link", ["ground", "mavros"])
-@pytest.mark.parametrize("component", [191, 100])
-def test_every_report_with_our_ids_goes_nowhere_and_is_told(link: str, component: int) -> None:
-    net, draw = Net(), random.Random(1)
-    reports = own_messages() - REQUESTS
-    assert {"LANDING_TARGET", "DISTANCE_SENSOR", "FOLLOW_TARGET", "HEARTBEAT"} <= reports
-    forger = Wire(1, component)
-    for name in sorted(reports):
-        kind = getattr(dialect, f"MAVLink_{name.lower()}_message")
-        values = pymavlink_arguments(random_values(kind, draw))
-        message = kind(**{key: 1 if key.startswith("target_") else each for key, each in values.items()})
-        assert net.feed(link, forger.pack(message)).forwards == [], name
-    assert net.count("id_conflict", link) == len(reports)
-    (told,) = net.node.notices(net.now)
-    assert told.code is NoticeCode.ID_CONFLICT
-
-
-@pytest.mark.parametrize("link", ["ground", "mavros"])
-def test_requests_of_a_second_program_with_our_ids_reach_the_autopilot(link: str) -> None:
-    net, second = Net(), Wire(1, 191)
-    for frame in (
-        second.command(1, 1),
-        second.frame("PARAM_REQUEST_LIST", 1, 1),
-        second.frame("TIMESYNC", 0, 5),
-        second.frame("SET_MODE", 1, 1, 4),
-    ):
-        assert net.feed(link, frame).forwards == [("autopilot", frame)]
-
-
-def test_follow_target_with_the_id_that_we_follow_from_goes_nowhere_and_its_sender_is_heard() -> None:
-    net = Net(Node(LINKS, WANTED, own=OwnIds((191, 100), follow_system=42)))
-    leader, other = Wire(42, 191), Wire(43, 191)
-    assert [message.name for message in net.feed("ground", leader.heartbeat(18, INVALID)).messages] == ["HEARTBEAT"]
-    values = random_values(dialect.MAVLink_follow_target_message, random.Random(1))
-    assert net.feed("ground", leader.frame("FOLLOW_TARGET", **values)).forwards == []
-    assert net.count("id_conflict", "ground") == 1
-    assert "autopilot" in dict(net.feed("ground", other.frame("FOLLOW_TARGET", **values)).forwards)
-
-
-@pytest.mark.parametrize(("camera_tracking", "goes_to"), [("true", []), ("false", ["autopilot", "ground"])])
-def test_a_camera_with_id_100_is_a_second_program_only_where_we_have_a_camera(
-    camera_tracking: str, goes_to: list[str]
-) -> None:
-    payload = '[[link]]\nname = "mavros"\nurl = "udpin://127.0.0.1:14560"\nrole = "payload"\n'
-    text = f'{AUTOPILOT}{GROUND}{payload}[detections]\nurl = ""\n[publish]\ncamera_tracking = {camera_tracking}\n'
-    net = Net(make_node(parse(text, "flight.toml"), None, 0))
-    received = net.feed("mavros", Wire(1, 100).heartbeat(dialect.MAV_TYPE_CAMERA, INVALID))
-    assert sorted(name for name, _ in received.forwards) == goes_to
 
 
 def test_what_was_refused_is_reported_once_a_minute_with_its_causes_in_order() -> None:

@@ -143,19 +143,14 @@ def flights() -> tuple[Observed, ...]:
         _flown("home_moves", 12.0),
         _flown("late_gps", 24.0),
         _flown("walker", 8.0, ('tracking.motion="moving"',)),
-        _flown("upside_down", 24.0),
+        _flown("upside_down", 24.0, ("tracking.self_calibration=true",)),
         _flown(
             "gimbal",
             6.0,
             ("camera.mount.gimbal_device_id=154", "camera.mount.pitch_deg=0.0"),
             {"gimbal.device_id": 154},
         ),
-        _flown(
-            "unbiased",
-            20.0,
-            ('tracking.filter="lowpass"', "tracking.self_calibration=false"),
-            alter=_two_that_are_one,
-        ),
+        _flown("unbiased", 20.0, alter=_two_that_are_one),
         *(_flown("unbiased", 5.0, (f'ground.model="{model}"',)) for model in ("fixed", "rangefinder", "terrain")),
     )
 

@@ -77,6 +77,7 @@ def free_tcp_port() -> int:
 
 @pytest.mark.timeout(180)
 def test_the_status_file_and_check_beside_the_service(site: Site):
+    site.replace("self_calibration = false", "self_calibration = true")
     site.replace("landing_target = false", "landing_target = true")
     site.replace('landing_label = ""', 'landing_label = "target"')
     add_links_and_a_camera(site)

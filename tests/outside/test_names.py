@@ -10,10 +10,10 @@ from fwav_companion.links.base import LinkState
 from fwav_companion.mavlink.client.rate_table import RequestState
 from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.doctor.finding_table import FINDINGS
 from fwav_companion.tools.reason_table import judged_reasons
 from fwav_companion.types import ClockStatus, HeightSource, Reason, TrackState
-from fwav_companion.types.calibration_report import CalibrationStatus
 
 NAMES: dict[str, type[StrEnum]] = {
     "calibration status": CalibrationStatus,

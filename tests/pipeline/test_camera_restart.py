@@ -9,7 +9,7 @@ import pytest
 from flying import LINK, Companion
 
 from fwav_companion.pipeline.camera_restart import TEXT
-from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
+from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.types import NoticeCode
 from sitl_mock import Options, scenario, simulate
 
@@ -35,7 +35,7 @@ class Faulty(Companion):
         super().__init__(unix_minus_host_s=unix_minus_host_s, text=LANDING)
         self.faults_s: list[float] = []
         self._start_s: float | None = None
-        first, honest = self.pipeline._components.camera._reorder.tracker, SmoothedTracker.on_frame
+        first, honest = self.pipeline._components.camera._reorder.tracker, Tracker.on_frame
 
         def on_frame(tracker, view):
             if (not heals or tracker is first) and fails(self._at_s):
@@ -64,7 +64,7 @@ class Faulty(Companion):
 def flown(monkeypatch, fails, *, heals: bool, options: Options = DESCENT) -> Faulty:
     mock = simulate(options)
     companion = Faulty(mock.unix_minus_host_s, fails, heals=heals)
-    monkeypatch.setattr(SmoothedTracker, "on_frame", companion.on_tracker_frame)
+    monkeypatch.setattr("fwav_companion.tracking.tracker.Tracker.on_frame", companion.on_tracker_frame)
     for _ in mock.drive(companion):
         pass
     return companion

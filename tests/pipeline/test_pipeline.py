@@ -106,14 +106,10 @@ def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
     ids=["old ArduPilot", "new ArduPilot", "PX4"],
 )
 def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: dict[str, str]):
-    """The EKF's origin differs from home, and PX4's frame is on its own sphere: the mock evaluates by its own rules.
-
-    Without self-calibration, which is off by default no more: twelve seconds on one circle leave heading and position
-    delay, which this flight cannot part, at a tenth of their sigmas, 5 cm at 15 m.
-    """
+    """The EKF's origin differs from home, and PX4's frame is on its own sphere: the mock evaluates by its own rules."""
     options = scenario("perfect").but({"seconds": 12.0, "seed": 5} | vehicle)
     assert options.autopilot.ekf_origin_m != (0.0, 0.0, 0.0)
-    flown = fly(options, (*LANDING, *GLOBAL_SHUTTER, "tracking.self_calibration=false"))
+    flown = fly(options, (*LANDING, *GLOBAL_SHUTTER))
     assert not flown.refused_landings
     assert len(flown.accepted_landings) > 200
     assert max(each["error_m"] for each in flown.accepted_landings[-200:]) < 0.1
@@ -142,11 +138,6 @@ def late_minus_in_time(settings=(), smoother=None):
     return [line.north - by_time[line.time_unix] for line in lines]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="0.027 m within a second of the late frame for 0.02: it is placed by the path up to its own instant, and "
-    "others by telemetry that came before their detections",
-)
 def test_a_late_frame_leaves_what_it_would_have_left_in_time():
     differences = late_minus_in_time()
     assert len(differences) > 250

@@ -3,12 +3,12 @@
 import pytest
 from flying import Companion
 from handmade import a_fix, a_view, host_ns
-from plain_filters import plain_tracker
 from report_lines import clock, sighting
+from simulated_flight import priors
 
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.line_types import ClockEstimateLine, HeaderLine, HomeLine, TargetLine
-from fwav_companion.tracking import Settled
+from fwav_companion.tracking import Settled, TrackingOptions, make_tracker
 from fwav_companion.types import Reason
 from sitl_mock import scenario, simulate
 
@@ -33,7 +33,7 @@ def test_lines_are_kept_for_who_takes_them_and_counts_always(written, lines):
 
 def lines_of(frames):
     """(seconds, state) of the target lines of these frames: (seconds, seen, looked for)."""
-    tracker, log = plain_tracker(), TargetLog("", {}, 0)
+    tracker, log = make_tracker(TrackingOptions(), priors()), TargetLog("", {}, 0)
     log.begin(None)
     for t, seen, sees in frames:
         view = a_view(t, *([a_fix(t, (4.0, 3.0, 0.0))] if seen else []), sees=sees)

@@ -270,7 +270,7 @@ def test_another_vehicles_companion_does_not_set_our_clock(flown):
     data = tlog_record(first_us, stranger) + bytes(companion.tlog)
     recording = read_recording(data, bytes(companion.detections), own_components(companion.config))
     assert recording.unix_offset_ns == companion.unix_offset_ns
-    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines_of_replay()
+    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines
 
 
 def test_exports_stand_beside_the_targets(site):

@@ -94,7 +94,7 @@ def test_on_a_terminal_a_bar_follows_every_replay(site):
     os.close(shown)
     assert process.wait(60) == 0
     process.stdout.close()
-    for name in ("replay", "the paper's filter", "the tracker without self-calibration"):
+    for name in ("replay", "the paper's filter", "the tracker with self-calibration"):
         assert name.encode() in seen
     assert b"100%" in seen
 

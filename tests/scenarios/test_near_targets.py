@@ -69,15 +69,7 @@ def test_near_targets_under_a_late_camera_are_distinguished(seed, targets):
     assert len(found) == len(newest) >= 2
 
 
-TWICE = pytest.mark.xfail(
-    strict=True,
-    reason="twelve tracks of ten targets are confirmed at the end, ten wanted: 4 and 5, and 6 and 9, changed places"
-    " in the first second, until the delay was known. From the second check on they are 0.01 to 0.11 m apart (0.1 to 6"
-    " of the squared distance, 9 merges); but a frame of that second showed both, so they never merge",
-)
-
-
-@pytest.mark.parametrize("seed", [pytest.param(1, marks=(pytest.mark.slow, TWICE)), *slow_of(*range(2, 7), few=1)])
+@pytest.mark.parametrize("seed", slow_of(*range(1, 7), few=2))
 def test_targets_that_come_into_view_again_keep_their_tracks(seed):
     """Out of view for 9 s on each loop of the eight, while the vehicle's position wanders by decimetres: once a flight
     is calibrated, ten targets have ten tracks. The camera is late by two sigma.

@@ -98,25 +98,6 @@ def test_switch_interval_is_short_only_while_a_solve_is_computed(solver):
     assert sys.getswitchinterval() == pytest.approx(usual_s)
 
 
-def test_frames_that_asked_in_vain_are_counted_for_each_solve_and_reported_where_they_grow(solver):
-    first, second, third = Task(pieces=2), Task(), Task()
-    second.release.set()
-    job = solver(first)
-    assert first.begun.wait(PATIENCE_S)
-    assert (job.estimate(), job.estimate()) == (None, None)
-    assert solver.take_late_frames() == {1: 2}
-    assert solver.take_late_frames() == {}
-    assert job.estimate() is None
-    first.release.set()
-    job = solver(second)
-    assert second.ended.wait(PATIENCE_S)
-    solver(third)
-    assert third.begun.wait(PATIENCE_S)
-    assert job.estimate().pieces == 1
-    assert solver.take_late_frames() == {1: 3}
-    third.release.set()
-
-
 def test_close_ends_the_thread_after_the_piece_under_way():
     solver, task = BackgroundSolver(), Task(pieces=1000)
     solver(task)

@@ -40,7 +40,7 @@ def sent_of(messages: Sequence[Outgoing]) -> tuple[list[str], list[str]]:
     """(names sent, faults reported)."""
     wire, faults = Wire(), []
     node = Node([LinkPolicy("ground", "gcs")], wanted=())
-    journal = Journal(None, clock=None, solver=None)
+    journal = Journal(None, clock=None)
     Outbox(node, {"ground": wire}, None, journal, lambda what, _: faults.append(what)).send(messages, (), NOW)
     return [decode(frame).fields.name for frame in Scanner(datagrams=True).feed(wire.sent)], faults
 

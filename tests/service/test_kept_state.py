@@ -18,11 +18,11 @@ from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.signing import UNITS_PER_S, SigningClock, timestamp_from_unix_ns
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.types import Message
-from fwav_companion.types.calibration_report import KeptCalibration
 
 SOUND = {
     "time_offset_s": 0.035, "time_offset_sigma_s": 0.001, "mount": [0.01, 0.02, 0.03], "mount_sigma": [0.01] * 3,

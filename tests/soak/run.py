@@ -164,6 +164,7 @@ def _configure(folder: Path, autopilot: int, detections: int, *, tcp: int, udp: 
         ("udpin://127.0.0.1:14601", f"udpin://127.0.0.1:{detections}"),
         ('\nfile = ""', f'\nfile = "{folder}/status.json"'),
         ('directory = ""                # "" records', f'directory = "{folder}/records"  # "" records'),
+        ("self_calibration = false", "self_calibration = true"),
     ):
         if old not in text:
             raise RuntimeError(f"init's configuration has no {old}")

@@ -48,7 +48,7 @@ class DrawnConfiguration(msgspec.Struct, frozen=True):
     pattern: str
     seconds: float
     settings: tuple[tuple[str, str], ...]
-    """Keys of the flight, as --set has them; and self-calibration where it is off."""
+    """Keys of the flight, as --set has them; and self-calibration, which studies have on unless it is set."""
 
 
 def drawn_plan(seed: int, index: int) -> StudyPlan:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
-import msgspec
 import numpy as np
 from configured_links import AUTOPILOT
 from kept import kept
@@ -23,11 +22,10 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import WANTED, make_pipeline
 from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.line_types import Line, TargetLine
-from fwav_companion.recording.lines import encode_line, final_places
-from fwav_companion.recording.summary_types import SummaryLine
+from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.tracking.smoothed.solve_jobs import SmootherOptions
-from fwav_companion.types import Frame, NoticeCode, Outgoing, TrackState
+from fwav_companion.types import Frame, NoticeCode, Outgoing
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import encode_frame, parse_frame
 from sitl_mock import Options, Simulation, simulate
@@ -40,8 +38,6 @@ pixels_per_mm: [188.0, 188.0]
 principal_point: [320.0, 240.0]
 """
 LINK = AUTOPILOT
-WHOLE_FLIGHT = SmootherOptions(whole_flight=True)
-"""As in a replay."""
 
 
 class Companion:
@@ -56,7 +52,7 @@ class Companion:
         wall_steps: Sequence[tuple[int, float]] = (),
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
         elevation: Sequence[ElevationTile] = (),
-        smoother: SmootherOptions = WHOLE_FLIGHT,
+        smoother: SmootherOptions | None = None,
         camera: str = CAMERA,
     ) -> None:
         """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML. ``camera``: YAML."""
@@ -146,18 +142,8 @@ class Companion:
         """All target lines, of one label or of all."""
         return [each for each in self.lines if isinstance(each, TargetLine) and label in (None, each.label)]
 
-    def lines_of_replay(self) -> list[Line]:
-        """The lines, with the targets by the whole flight, which only a replay writes, in the summary."""
-        *before, summary = self.lines
-        assert isinstance(summary, SummaryLine)
-        ends = {each.track: each for each in self.targets() if each.state is TrackState.CONFIRMED}
-        final = final_places(self.pipeline.final_places(), ends, self.pipeline.telemetry.world.plane)
-        return [*before, msgspec.structs.replace(summary, final=final)]
-
     def targets_file(self) -> bytes:
-        """The targets file of a replay of the flight; without a summary, that of the flight so far."""
-        lines = self.lines_of_replay() if isinstance(self.lines[-1], SummaryLine) else self.lines
-        return b"".join(map(encode_line, lines))
+        return b"".join(map(encode_line, self.lines))
 
     def _instant(self, now_ns: int) -> HostNs:
         """A host instant in whole microseconds, different for each event, as in the service."""

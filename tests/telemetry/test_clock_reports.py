@@ -8,7 +8,6 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.telemetry.clock.clock_line import ClockLine
 from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockReports
 from fwav_companion.telemetry.clock.exchange_clock import ExchangeClock
-from fwav_companion.types import ClockStatus
 
 SIGMA = 30e-6
 REPORTED = [
@@ -57,15 +56,3 @@ def test_rate_of_a_quiet_wire_is_in_the_news_beyond_200_ppm_alone(ppm: float, re
     news = [found for k in range(80) if (found := wire.exchange(0.5 * k)) is not None]
     assert len(news) == reported
     assert wire.error_s(40.0)[1].rate_differs is reported
-
-
-def test_clock_of_a_silent_autopilot_is_not_settled():
-    """Whether it halts or restarts is unseen: the offset is unknown by as much as the silence lasts."""
-    wire = Wire(up=constant(0.001), down=constant(0.001))
-    for k in range(100):
-        wire.arrival(0.2 * k)
-        wire.exchange(0.2 * k)
-    assert wire.error_s(20.0)[1].status is ClockStatus.SETTLED
-    silent = wire.error_s(25.0)[1]
-    assert silent.sigma_s > 1.0
-    assert silent.status is ClockStatus.SETTLING

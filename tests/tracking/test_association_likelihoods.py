@@ -1,17 +1,19 @@
-"""What an association returns and compares: likelihood ratios from densities in the image."""
+"""What an association returns and compares: likelihood ratios from densities in the image, and who is asked."""
 
 from math import exp, log, pi
 
 import numpy as np
 import pytest
-from frame_candidates import Candidate, associate
 from handmade import a_fix
+from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import multivariate_normal
 
+from fwav_companion.tracking.association import associate
 from fwav_companion.tracking.clutter import LEAST_NOISE_PX2, Clutter, clutter, noise_area_px2
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.base import GATE
+from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.pair_costs import Candidate
 from fwav_companion.types.tracks import GateResult
 
 IMAGE_PX2 = 640.0 * 480.0
@@ -20,15 +22,15 @@ PLACE = (4.0, 3.0, 0.0)
 
 
 class Predicted:
-    """A target with this result of its gate."""
-
-    relative_cov = ((0.0,) * 3,) * 3
-    apparent_ned = (0.0, 0.0, 0.0)
+    """A target with this result of its gate; counts how often it is asked."""
 
     def __init__(self, nis, log_det_ratio=0.0):
-        self._result = GateResult(nis, log_det_ratio)
+        self._result, self.asked = GateResult(nis, log_det_ratio), 0
+
+    relative_cov = ((0.0,) * 3,) * 3
 
     def gate(self, _fix):
+        self.asked += 1
         return self._result
 
 
@@ -64,7 +66,7 @@ def test_the_ratio_is_that_of_the_predicted_density_and_of_clutter_in_the_image(
     innovation = np.array([0.5, -0.3])
     nis = innovation @ np.linalg.solve(spread, innovation)
     target = Predicted(nis, log(np.linalg.det(spread) / np.linalg.det(noise)))
-    ((_, (_, llr)),) = associate([Candidate("", target, None)], [fix], AGAINST).items()
+    ((_, (_, llr)),) = associate([Candidate("", target, None)], [fix], AGAINST).pairs.items()
     px2_a_m2 = noise_area_px2(fix) / (2.0 * pi * 0.04)
     density_a_px2 = multivariate_normal([0.0, 0.0], spread).pdf(innovation) / px2_a_m2
     assert llr == pytest.approx(log(density_a_px2 / (DetectorModel().false_per_frame / IMAGE_PX2)))
@@ -74,12 +76,12 @@ def test_an_equal_id_decides_between_pairs_of_similar_distance_and_adds_nothing_
     """The bonus is that of the prior persistence of ids, 0.8: 2.8 in units of the NIS."""
     fix = a_fix(0.0, (0.0, 0.0, 0.0), np.diag([0.04, 0.04, 0.0]), detector_id=5)
     near, same, far = Predicted(0.1), Predicted(2.0), Predicted(4.0)
-    pairs = associate([Candidate("", near, None), Candidate("", same, 5)], [fix], AGAINST)
+    pairs = associate([Candidate("", near, None), Candidate("", same, 5)], [fix], AGAINST).pairs
     assert list(pairs) == [1]
-    without = associate([Candidate("", same, None)], [fix], AGAINST)
+    without = associate([Candidate("", same, None)], [fix], AGAINST).pairs
     assert pairs[1][1] == without[0][1]
-    assert list(associate([Candidate("", near, None), Candidate("", far, 5)], [fix], AGAINST)) == [0]
-    assert associate([Candidate("", Predicted(GATE + 0.1), 5)], [fix], AGAINST) == {}
+    assert list(associate([Candidate("", near, None), Candidate("", far, 5)], [fix], AGAINST).pairs) == [0]
+    assert associate([Candidate("", Predicted(GATE + 0.1), 5)], [fix], AGAINST).pairs == {}
 
 
 def test_a_rare_detection_costs_its_odds_and_a_likely_one_nothing():
@@ -91,10 +93,28 @@ def test_a_rare_detection_costs_its_odds_and_a_likely_one_nothing():
     assert exp(-0.5 * sure.llr_of(fix)) == pytest.approx(1e-6 * noise_area_px2(fix))
 
 
+def test_the_slower_prediction_is_asked_only_where_there_is_a_choice():
+    lone, first, second = (Candidate("", Predicted(1.0), None, refined=Predicted(2.0)) for _ in range(3))
+    apart = replace(lone, label="person")
+    fixes = [a_fix(0.0, PLACE), a_fix(0.0, PLACE, label="person")]
+    associate([first, second, apart], fixes, AGAINST)
+    assert (first.refined.asked, second.refined.asked, apart.refined.asked) == (1, 1, 0)
+    two = [a_fix(0.0, PLACE), a_fix(0.0, (4.1, 3.0, 0.0))]
+    associate([lone], two, AGAINST)
+    assert lone.refined.asked == 2, "one track, two fixes"
+
+
+def test_the_slower_prediction_decides():
+    by_filter, by_refined = Predicted(0.5), Predicted(9.0)
+    first = Candidate("", by_filter, None, refined=by_refined)
+    second = Candidate("", Predicted(3.0), None)
+    assert list(associate([first, second], [a_fix(0.0, PLACE)], AGAINST).pairs) == [1]
+    outside = Candidate("", Predicted(0.5), None, refined=Predicted(GATE + 1.0))
+    assert list(associate([outside, second], [a_fix(0.0, PLACE)], AGAINST).pairs) == [1]
+
+
 class At:
     """A target on a line to the north, with a standard deviation of 1 m."""
-
-    apparent_ned = (0.0, 0.0, 0.0)
 
     def __init__(self, north):
         self.north = north
@@ -107,7 +127,7 @@ def test_more_fixes_and_tracks_than_pairs_are_assigned_at_the_least_cost():
     """The nearest neighbour of the first track alone would leave the second without a fix."""
     places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
     tracks = [Candidate("", At(0.6), None), Candidate("", At(2.0), None)]
-    found = associate(tracks, [a_fix(0.0, place) for place in places], AGAINST)
+    found = associate(tracks, [a_fix(0.0, place) for place in places], AGAINST).pairs
     assert {i: j for i, (j, _) in found.items()} == {0: 0, 1: 1}
 
 
@@ -123,6 +143,6 @@ def test_pairs_with_and_without_a_rival_are_together_at_the_least_cost(seed):
     assert possible.sum(axis=0).max() > 1
     rows, columns = linear_sum_assignment(np.minimum(costs, 0.0))
     wanted = {i: j for i, j in zip(rows, columns, strict=True) if possible[i, j]}
-    found = associate([Candidate("", At(north), None) for north in norths], fixes, AGAINST)
+    found = associate([Candidate("", At(north), None) for north in norths], fixes, AGAINST).pairs
     assert {i: j for i, (j, _) in found.items()} == wanted
     assert list(found) == sorted(found)

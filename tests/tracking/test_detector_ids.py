@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from draws import first_of
 from handmade import a_fix, a_view
-from plain_filters import plain_tracker
+from simulated_flight import priors
 
+from fwav_companion.tracking import TrackingOptions, make_tracker
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 FPS, SECONDS = 10, 12
 NOISE_M, SPEED_M_S, ACROSS_M_S = 0.35, 1.2, 0.2
 MEET_S = 6.0
@@ -44,7 +47,7 @@ def flown(seed, ids, motion="moving"):
     """The reported tracks of each frame."""
     rng = np.random.default_rng(seed)
     numbers = ids(np.random.default_rng(seed + 1000))
-    tracker, reported = plain_tracker(motion), []
+    tracker, reported = make_tracker(TrackingOptions(motion=motion), NO_BIAS), []
     for k in range(FPS * SECONDS):
         t, of_fix = k / FPS, next(numbers)
         noisy = walkers(t) + rng.normal(0.0, NOISE_M, (2, 2))
@@ -99,7 +102,7 @@ def is_swapped(seed, exchanged):
     tracker exchanges its ids within a second of it; None: no ids."""
     encounter, rng, of_ids = drawn(seed), np.random.default_rng(seed), np.random.default_rng(seed + 1000)
     exchange_s = MEET_S + of_ids.uniform(-1.0, 1.0) if of_ids.random() < (exchanged or 0.0) else np.inf
-    tracker, noise_m, first = plain_tracker("moving"), encounter["noise_m"], {}
+    tracker, noise_m, first = make_tracker(TrackingOptions(motion="moving"), NO_BIAS), encounter["noise_m"], {}
 
     def owner_of(track, t):
         off = drawn_ways(encounter, t) - np.array(track.position_ned[:2])
@@ -129,7 +132,7 @@ def test_ids_exchanged_at_encounters_hurt_nothing_and_those_that_persist_help():
 
 def trusts(frames, ids):
     """Trust in the ids of two standing tracks 0.8 m apart, after frames with these displacements and ids."""
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(20):
         tracker.on_frame(
             a_view(k / FPS, *(a_fix(k / FPS, (4.0 + 0.8 * i, 3.0, 0.0), detector_id=10 + i) for i in (0, 1)))
@@ -141,7 +144,7 @@ def trusts(frames, ids):
             for i, (shift, number) in enumerate(zip(shifts, numbers, strict=True))
         ]
         tracker.on_frame(a_view(k / FPS, *fixes))
-        found.append([(track.detector_id, track.id_trust) for track in tracker.snapshot().tracks])
+        found.append([(track.detector_id, track.id_trust) for track in tracker.snapshot().alive])
     return found
 
 
@@ -181,7 +184,7 @@ def test_an_id_of_a_thing_far_away_is_not_believed():
 
 
 def test_a_new_id_after_a_miss_stays_the_same_track():
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(60):
         fix = a_fix(k / FPS, (4.0, 3.0, 0.0), detector_id=5 if k < 30 else 6)
         tracks = tracker.on_frame(a_view(k / FPS, *([] if k in (28, 29) else [fix])))

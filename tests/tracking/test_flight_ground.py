@@ -27,7 +27,6 @@ from fwav_companion.types import (
     RangeSample,
     Reason,
     ReportedGimbal,
-    SizeHeight,
     VehicleState,
 )
 
@@ -67,11 +66,11 @@ class Telemetry:
         )  # fmt: skip
 
 
-def fed(telemetry, reference, *, gimbal=False, view=None):
+def fed(telemetry, reference, *, gimbal=False):
     shared = priors(gimbal=(0.05, 0.05) if gimbal else None)
     estimator = Estimator(shared, SampleNoise())
     samples = FlightSamples(telemetry, FlightClock(), LEVER, SIGMAS, has_gimbal=gimbal)
-    samples.feed(estimator, reference, view)
+    samples.feed(estimator, reference)
     return samples, estimator
 
 
@@ -119,28 +118,6 @@ def test_reading_of_a_beam_that_points_aside_is_not_used():
 def test_readings_are_not_used_with_another_ground():
     beam = RangeSample(BootNs(1000 * MS), 10.0, (0.0, 0.0, 1.0), 0.05)
     assert not len(fed(Telemetry(ranges=(beam,)), level_at_home())[1].carrier.ranges)
-
-
-def sized_fix(noise_m, *, best_height_m=2.9):
-    """A fix of a tag on a pad 0.5 m high, which its size shows 3 m below the camera."""
-    sighting = SimpleNamespace(
-        size_height=SizeHeight(3.0, noise_m, 0.01), boot_ns=BootNs(1000 * MS), anchor_height_m=0.5, anchor_sigma_m=0.04
-    )
-    return SimpleNamespace(sighting=sighting, best_height_m=best_height_m, position_ned=(4.0, -1.0, 0.0))
-
-
-def test_size_of_the_best_tag_is_the_height_above_the_ground_with_its_scale_in_common():
-    view = SimpleNamespace(fixes=(sized_fix(0.2), sized_fix(0.02), sized_fix(0.1)))
-    _, estimator = fed(Telemetry(), level_at_home(), view=view)
-    reading, place = estimator.carrier.sizes.newest(-1.0, 9.0)
-    assert reading == pytest.approx((1.0, 3.5, 0.02, hypot(0.03, 0.04)))
-    assert place.tolist() == [4.0, -1.0]
-
-
-def test_size_that_its_own_fix_does_not_use_is_no_reading():
-    """Over an elevation model the error is in the ground's shape, too."""
-    view = SimpleNamespace(fixes=(sized_fix(0.02, best_height_m=None),))
-    assert not len(fed(Telemetry(), level_at_home(), view=view)[1].carrier.sizes)
 
 
 def turned(yaw):

@@ -5,15 +5,15 @@ import pytest
 from draws import first_of, slow_of
 from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
-from plain_filters import plain_tracker
-from simulated_flight import Flight
+from simulated_flight import Flight, priors
 from simulated_world import World
-from smoothed_flights import tracked
 
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.lifecycle import DELETED_LLR, KEPT_LOOKS, detected, initiated, not_detected
 from fwav_companion.types import Reason, TrackState
 
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 PLACE = (4.0, 3.0, 0.0)
 
 
@@ -27,14 +27,14 @@ def fed(tracker, start, seconds, *, fps=10, seen=True, looks=True, **detection):
 
 def confirmed(label="target", seconds=3.0, **options):
     """A tracker with one confirmed target, detected in every frame until now."""
-    tracker = plain_tracker(**options)
+    tracker = make_tracker(TrackingOptions(**options), NO_BIAS)
     fed(tracker, 0.0, seconds, label=label)
     return tracker
 
 
 def outcomes(pattern, fps=10):
     """State and reason of the first track after each frame; in the pattern s is a detection, . is none."""
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     reported = [fed(tracker, k / fps, 1 / fps, fps=fps, seen=letter == "s")[0] for k, letter in enumerate(pattern)]
     return [(tracks[0].state, tracks[0].reason) if tracks and tracks[0].id == 1 else None for tracks in reported]
 
@@ -132,7 +132,7 @@ def test_it_is_not_kept_for_ever():
 
 @pytest.mark.parametrize(("fps", "frames"), [(30, 60), (0.1, 30)])
 def test_a_tentative_target_out_of_view_is_kept_for_two_seconds_or_thirty_frames(fps, frames):
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     fed(tracker, 0.0, 1 / fps, fps=fps)
     reported = fed(tracker, 1 / fps, (frames + 5) / fps, fps=fps, seen=False, looks=False)
     (end,) = (k for k, tracks in enumerate(reported) if tracks and tracks[0].reason is Reason.NEVER_CONFIRMED)
@@ -181,9 +181,9 @@ def test_older_looks_fade():
 
 def flown(flight):
     """(seconds that each track was confirmed or coasting, its least distance from the target) by id."""
-    lives, distances = {}, {}
-    for _, tracks in tracked(World(flight)):
-        for track in tracks:
+    tracker, lives, distances = make_tracker(TrackingOptions(), flight.priors), {}, {}
+    for view in World(flight).frames():
+        for track in tracker.on_frame(view):
             if track.state in (TrackState.CONFIRMED, TrackState.COASTING):
                 lives[track.id] = lives.get(track.id, 0.0) + 1.0 / flight.fps
                 distance = float(np.hypot(*np.subtract(track.position_ned[:2], flight.targets[0])))
@@ -206,7 +206,7 @@ def test_clutter_in_every_tenth_frame_confirms_no_ghost_and_the_target_is_one_tr
 @pytest.mark.parametrize("photographs", [1, 2, 3])
 def test_twenty_targets_in_the_first_photographs_are_no_evidence_of_false_detections(photographs):
     """One fix each is as likely a target as clutter; with a second one they are targets."""
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(photographs):
         tracker.on_frame(a_view(10.0 * k, *(a_fix(10.0 * k, (20.0 * i, 3.0, 0.0)) for i in range(20))))
     model = tracker.snapshot().detector
@@ -215,7 +215,7 @@ def test_twenty_targets_in_the_first_photographs_are_no_evidence_of_false_detect
 
 
 def test_false_detections_count_whole_once_they_were_looked_for_in_vain():
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(40):
         tracker.on_frame(a_view(k / 10, a_fix(k / 10, (50.0 * k, 3.0, 0.0))))
     model = tracker.snapshot().detector
@@ -243,7 +243,7 @@ def test_fixes_displaced_from_a_missed_target_confirm_no_other():
 def test_a_target_beside_a_missed_one_is_confirmed_where_the_frame_shows_another_in_its_place():
     """An error that displaced the fix by 1.5 m would displace the other target too. Photographs at 2 Hz."""
     beside, other = (PLACE[0] + 1.5, PLACE[1], 0.0), (PLACE[0], PLACE[1] + 6.0, 0.0)
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(40):
         places = [PLACE, other] if k < 20 or k % 2 else [beside, other]
         tracks = tracker.on_frame(a_view(k / 2, *(a_fix(k / 2, place, label="target") for place in places)))

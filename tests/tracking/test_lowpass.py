@@ -5,14 +5,14 @@ import pytest
 from handmade import a_fix, a_view
 from simulated_flight import priors
 
-from fwav_companion.tracking import TrackingOptions, filter_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
 
 
 def positions(options, samples, times=None):
-    tracker = filter_tracker(options, NO_BIAS)
+    tracker = make_tracker(options, NO_BIAS)
     times = [k / 30 for k in range(len(samples))] if times is None else times
     out = []
     for t, (north, east) in zip(times, samples, strict=True):
@@ -53,7 +53,7 @@ def test_two_half_steps_forget_as_much_as_one():
 
 def test_white_noise_shrinks_by_alpha_over_two_minus_alpha():
     options = TrackingOptions(filter="lowpass", alpha=0.125, alpha_rate_hz=0.0)
-    tracker = filter_tracker(options, NO_BIAS)
+    tracker = make_tracker(options, NO_BIAS)
     for k in range(200):
         (track,) = tracker.on_frame(a_view(k / 30, a_fix(k / 30, (4.0, 3.0, 0.0))))
     assert track.cov[0][0] == pytest.approx(0.04 / 15, rel=1e-6)
@@ -63,7 +63,7 @@ def test_a_standing_bias_is_left_alone():
     p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0.02, mount_z=0)
     jacobian = np.zeros((3, BIAS_COUNT))
     jacobian[0, 4] = 12.0
-    tracker = filter_tracker(TrackingOptions(filter="lowpass"), p)
+    tracker = make_tracker(TrackingOptions(filter="lowpass"), p)
     for k in range(300):
         fix = a_fix(k / 30, (4.0, 3.0, 0.0), jacobian=jacobian, sigmas=p.bias_sigmas)
         (track,) = tracker.on_frame(a_view(k / 30, fix))

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from draws import slow_of
 from handmade import a_fix, a_view, host_ns
-from plain_filters import plain_tracker
 from scipy.optimize import linear_sum_assignment
 from simulated_flight import Flight, priors
 from simulated_world import World
-from smoothed_flights import tracked
 
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.line_types import TargetLine
-from fwav_companion.tracking import Reorder
+from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
 from fwav_companion.tracking.track_table import MAX_TRACKS
 from fwav_companion.types import NoFrame, Reason, TrackState
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
 
 def rows(count, apart=50.0):
@@ -39,9 +39,9 @@ def test_thirty_targets_eight_by_five_metres_apart_are_all_found(seed):
     many = {"targets": targets, "velocities": ((0.0, 0.0),) * 30, "labels": ("",) * 30, "smooth_wander": True}
     p = priors(time_offset=0.01, position_north=1.0, position_east=1.0, height=0.5, height_noise_m=0.3)
     flight = Flight(height_m=20.0, fps=15.0, seconds=60.0, miss=0.05, clutter=0.02, priors=p, **many).drawn(seed)
-    confirmed = {}
-    for _, tracks in tracked(World(flight)):
-        for track in tracks:
+    tracker, confirmed = make_tracker(TrackingOptions(), p), {}
+    for view in World(flight).frames():
+        for track in tracker.on_frame(view):
             if track.confirmed_host_ns is not None and track.state is not TrackState.DROPPED:
                 confirmed[track.id] = track.position_ned[:2]
     assert len(confirmed) == 30
@@ -51,7 +51,7 @@ def test_thirty_targets_eight_by_five_metres_apart_are_all_found(seed):
 
 @pytest.mark.parametrize("motion", ["static", "moving"])
 def test_the_table_is_bounded(motion):
-    tracker = plain_tracker(motion)
+    tracker = make_tracker(TrackingOptions(motion=motion), NO_BIAS)
     for k in range(6):
         fixes = [a_fix(k / 10, (50.0 * i + 20_000 * k, 3, 0)) for i in range(256)]
         tracks = tracker.on_frame(a_view(k / 10, *fixes))
@@ -61,7 +61,7 @@ def test_the_table_is_bounded(motion):
 
 def test_every_fix_updates_a_track_or_is_counted():
     """256 detections a frame, half of them in the same places, for 200 tracks; one frame in five comes late."""
-    rng, reorder = np.random.default_rng(1), Reorder(plain_tracker())
+    rng, reorder = np.random.default_rng(1), Reorder(make_tracker(TrackingOptions(), NO_BIAS))
     log, lines, fixes = TargetLog("", {}, 0), [], 0
     log.begin(None)
     for k in (k - 3 * (k % 5 == 4) + (k % 5 in (1, 2, 3)) for k in range(15)):
@@ -78,7 +78,7 @@ def test_every_fix_updates_a_track_or_is_counted():
 
 
 def test_a_full_table_of_confirmed_tracks_in_view_takes_no_new_one():
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     tracks = fed(tracker, 0.0, 5, rows(MAX_TRACKS + 10))[-1]
     assert living(tracks) == list(range(1, MAX_TRACKS + 1))
     assert tracker.unused_fixes == {Reason.TOO_MANY_TRACKS: 10}
@@ -86,7 +86,7 @@ def test_a_full_table_of_confirmed_tracks_in_view_takes_no_new_one():
 
 def test_the_weakest_tentative_track_yields_first():
     """All but five tracks are confirmed. Of the tentative ones the first was missed once more than the others."""
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     known = rows(MAX_TRACKS - 5)
     fed(tracker, 0.0, 8, known)
     weak, others = (0.0, 500.0, 0.0), [(100.0 * i, 1000.0, 0.0) for i in range(4)]
@@ -99,7 +99,7 @@ def test_the_weakest_tentative_track_yields_first():
 
 def test_tracks_out_of_view_keep_no_new_target_out():
     """With a full table of confirmed tracks out of view, a new track replaces the one unseen the longest."""
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
     places = rows(MAX_TRACKS)
     fed(tracker, 0.0, 8, places)
     fed(tracker, 0.8, 4, [*places[:2], *places[3:]], sees=False)  # track 3 alone is unseen for a while
@@ -111,7 +111,7 @@ def test_tracks_out_of_view_keep_no_new_target_out():
 
 
 def test_a_full_table_keeps_its_coasting_tracks_and_begins_no_branch():
-    tracker = plain_tracker("moving")
+    tracker = make_tracker(TrackingOptions(motion="moving"), NO_BIAS)
     places = rows(MAX_TRACKS)
     fed(tracker, 0.0, 5, places)
     fed(tracker, 3.7, 1, [], sees=False)

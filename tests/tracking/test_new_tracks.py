@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from handmade import a_fix, a_view
-from plain_filters import plain_tracker
+from simulated_flight import priors
 
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import Reason
 
 SIGMA_M = 1.5
@@ -20,7 +21,7 @@ def after(*positions, known=60, apart_s=0.05, false_every=0):
 
     ``false_every``: number of frames of which one has a false detection; 0: none has.
     """
-    tracker = plain_tracker()
+    tracker = make_tracker(TrackingOptions(), priors())
     noise = np.diag([SIGMA_M**2, SIGMA_M**2, 0.01])
     for k in range(known):
         false = [(FAR_M * k, 0.0, 0.0)] if false_every and k and k < known - 10 and k % false_every == 0 else []

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
-from plain_filters import plain_tracker
 from scipy.stats import chi2, multivariate_normal
 from simulated_flight import priors
 
-from fwav_companion.tracking import TrackingOptions, filter_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.tracking.lifecycle import Life, continued
 from fwav_companion.types import BIAS_COUNT, Bias, Reason, TrackState
 
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 CROOKED = priors(time_offset=0, heading=0, mount_x=0.2, mount_y=0.2, mount_z=0)
 PLACE, ASTRAY = (4.0, 3.0, 0.0), (7.0, 1.0, 0.0)
 SEEN_S, FPS = 3.0, 10
@@ -24,14 +24,14 @@ IMAGE_PX2 = 640.0 * 480.0
 
 def branches(tracker):
     """The live branches, which are not reported."""
-    return [track for track in tracker.snapshot().tracks if track.branch_of]
+    return [track for track in tracker.snapshot().alive if track.branch_of]
 
 
 class Flown:
     """A tracker with one confirmed track of id 1, and its reports of the newest frame by id."""
 
     def __init__(self, motion="moving"):
-        self.tracker, self.t, self.tracks = plain_tracker(motion), 0.0, {}
+        self.tracker, self.t, self.tracks = make_tracker(TrackingOptions(motion=motion), NO_BIAS), 0.0, {}
         for _ in range(round(SEEN_S * FPS)):
             self.frame(PLACE)
 
@@ -122,7 +122,7 @@ def seen_from(side, t, place):
 
 @pytest.mark.parametrize(("fps", "expected"), [(10.0, 1), (4.5, 1), (3.5, 0), (0.25, 0)])
 def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_than_it_coasts(fps, expected):
-    tracker = filter_tracker(TrackingOptions(filter="lowpass"), CROOKED)
+    tracker = make_tracker(TrackingOptions(), CROOKED)
     for k in range(12):
         tracker.on_frame(a_view(k / fps, seen_from(1, k / fps, PLACE)))
     for k in range(12, 18):
@@ -135,7 +135,7 @@ def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_
 @pytest.mark.parametrize(("apart_m", "expected"), [(2.0, 0), (60.0, 1)])
 def test_a_standing_target_beside_another_has_no_branches(apart_m, expected):
     """The gate is 8 m wide: its fix may be the other's."""
-    tracker, other = filter_tracker(TrackingOptions(filter="lowpass"), CROOKED), (PLACE[0], PLACE[1] + apart_m, 0.0)
+    tracker, other = make_tracker(TrackingOptions(), CROOKED), (PLACE[0], PLACE[1] + apart_m, 0.0)
     for k in range(12):
         tracker.on_frame(a_view(k / 10, seen_from(1, k / 10, PLACE), seen_from(1, k / 10, other)))
     for k in range(12, 18):
@@ -146,7 +146,7 @@ def test_a_standing_target_beside_another_has_no_branches(apart_m, expected):
 
 def test_a_branch_whose_coasting_track_ends_is_a_track_of_its_own():
     flown = Flown().coasted(4.0).frame(PLACE)
-    flown.tracker.restore(replace(flown.tracker.snapshot(), tracks=tuple(flown.branches)))
+    flown.tracker.restore(replace(flown.tracker.snapshot(), alive=tuple(flown.branches)))
     assert [list(flown.frame(PLACE).tracks) for _ in range(3)] == [[2]] * 3
     assert flown.tracks[2].confirmed_host_ns == host_ns(flown.t - 2.0 / FPS), "with the evidence of the branch"
     assert flown.tracker.unused_fixes == {}
@@ -179,7 +179,7 @@ def claims_after_coasts(draws, *, false_per_frame):
     """Normalised squares of the place after a coast of six seconds with false detections about it, 30 frames/s."""
     squares = []
     for seed in range(draws):
-        rng, tracker = np.random.default_rng(seed), plain_tracker("moving")
+        rng, tracker = np.random.default_rng(seed), make_tracker(TrackingOptions(motion="moving"), NO_BIAS)
         velocity = rng.normal(0.0, 0.7, 2)
         for k in range(270):
             t = k / 30.0

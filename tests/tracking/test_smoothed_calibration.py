@@ -11,8 +11,8 @@ from smoothed_flights import tracked
 
 from fwav_companion.estimation.errors import BODY_SHARED
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
+from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration
 from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode, Reason
-from fwav_companion.types.calibration_report import CalibrationStatus, KeptCalibration
 
 TARGET = np.array((2.0, 3.0))
 DELAY_S, MOUNT_Y = 0.035, np.radians(1.0)

@@ -22,10 +22,10 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.self_calibration_notices import DENIED_S, SelfCalibrationNotices
 from fwav_companion.pipeline.solve_notices import SolveNotices
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.report.calibration_section import parameter_table
 from fwav_companion.tracking.smoothed.smoothed_report import NEVER_SOLVED, smoothed_report
 from fwav_companion.types import NoticeCode
-from fwav_companion.types.calibration_report import CalibrationStatus
 from fwav_companion.types.flight_status import SolveReport
 
 PRIORS = priors(position_delay_s=0.01, lever_arm_m=0.02)
@@ -144,8 +144,8 @@ def test_estimate_without_its_prior_is_that_of_the_measurements():
     variance = 1 / (1 / sigma**2 + 1 / noise**2)
     both = variance * (prior / sigma**2 + measured / noise**2)
     status = ParameterStatus("x", both, variance**0.5, prior, sigma, "calibrated", None)
-    assert status.without_prior == pytest.approx(measured)
-    assert ParameterStatus("x", 0.1, sigma, prior, sigma, "waiting", None).without_prior == 0.1
+    assert status.alone == pytest.approx(measured)
+    assert ParameterStatus("x", 0.1, sigma, prior, sigma, "waiting", None).alone == 0.1
 
 
 def test_report_lists_parameters_but_not_those_that_are_stated_as_exact():

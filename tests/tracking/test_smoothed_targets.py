@@ -8,9 +8,9 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 from smoothed_flights import confirmed, tracked
 
+from fwav_companion.self_calibration.calibration_report import CalibrationStatus, SharedParameter
 from fwav_companion.tracking.motions import Motions
 from fwav_companion.types import BIAS_COUNT, Bias, Reason, TrackState
-from fwav_companion.types.calibration_report import CalibrationStatus, SharedParameter
 
 MOVING = Motions(default=True)
 HOVER = {"shape": "hover", "height_m": 10.0, "pitch_deg": 0.0, "fps": 10.0, "flapping_deg": 2.0}

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fwav_companion.recording.events import late_solve_line
 from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.replay import driver
-from fwav_companion.service.background_solver import BackgroundJob, BackgroundSolver
+from fwav_companion.service.background_solver import BackgroundSolver
 from fwav_companion.tracking.smoothed.smoothed_tracker import SmoothedTracker
 from fwav_companion.tracking.smoothed.solve_jobs import InLineJob
 from tests.accuracy.flights import plan_of, recording_of, replayed
@@ -25,12 +24,6 @@ def flight(tmp_path_factory):
     return plan, recording_of(plan, tmp_path_factory.mktemp("flights"))
 
 
-@pytest.fixture(scope="module")
-def in_line(flight):
-    """The lines of the flight with solves in line, none of them late."""
-    return list(replayed(*flight, "third"))
-
-
 def lines_by(flight, solver, monkeypatch):
     """The lines of the flight with a solver, and the counts of its solves."""
     counts = []
@@ -42,7 +35,7 @@ def lines_by(flight, solver, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(SmoothedTracker, "__init__", begun)
-        patch.setattr(driver, "RecordedSolver", lambda _: solver)
+        patch.setattr(driver, "InLineJob", solver)
         lines = list(replayed(*flight, "third"))
     return lines, counts[0].solves
 
@@ -74,53 +67,14 @@ class LateJob(InLineJob):
         return super().estimate() if self.asked > self.READY else None
 
 
-def test_solves_in_a_thread_give_the_same_lines_as_in_line(flight, in_line, monkeypatch):
+def test_solves_in_a_thread_give_the_same_lines_as_in_line(flight, monkeypatch):
     solver = BackgroundSolver()
-    threaded, counts = lines_by(flight, lambda task: WaitedJob(solver(task)), monkeypatch)
+    in_line, counts = lines_by(flight, InLineJob, monkeypatch)
+    threaded, _ = lines_by(flight, lambda task: WaitedJob(solver(task)), monkeypatch)
     solver.close(PATIENCE_S)
     assert threaded == in_line
     assert counts.taken >= 3  # two of them with a search, taken over later
     assert counts.late == 0
-
-
-class HeldJob(BackgroundJob):
-    """A job on a loaded board: it is computed when a number of frames have asked for it."""
-
-    FRAMES = 5
-
-    def __init__(self, task):
-        super().__init__(task)
-        self.asked, self.release, self.done = 0, threading.Event(), threading.Event()
-
-    def compute(self):
-        while not self.cancelled and not self.release.wait(0.001):
-            pass
-        super().compute()
-        self.done.set()
-
-    def estimate(self):
-        self.asked += 1
-        if self.asked > self.FRAMES:
-            self.release.set()
-            assert self.done.wait(PATIENCE_S)
-        return super().estimate()
-
-
-class LoadedBoard(BackgroundSolver):
-    job_type = HeldJob
-
-
-def test_replay_with_the_recorded_late_solves_gives_the_lines_of_the_flight(flight, in_line, monkeypatch):
-    solver, (plan, recording) = LoadedBoard(), flight
-    flown, counts = lines_by(flight, solver, monkeypatch)
-    late = solver.take_late_frames()
-    solver.close(PATIENCE_S)
-    assert list(late.values())[:3] == [HeldJob.FRAMES] * 3
-    assert counts.late >= 3
-    events = b"".join(late_solve_line(0, *each) for each in late.items())
-    again = list(replayed(plan, replace(recording, detections=recording.detections + events), "third"))
-    assert again == flown
-    assert again != in_line
 
 
 def test_late_solves_are_counted_once_each_and_taken_over_when_they_are_ready(flight, monkeypatch):

@@ -1,13 +1,23 @@
 """Two tracks of one target become one; two targets stay two at any distance and any detection rate."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from draws import first_of
-from handmade import a_fix, a_view
-from plain_filters import plain_tracker
+from handmade import a_fix, a_view, host_ns
+from msgspec.structs import replace
+from simulated_flight import priors
 
-from fwav_companion.types import Reason
+from fwav_companion.geometry.stamps import NS_PER_S
+from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState
+from fwav_companion.tracking.track_merging import TURNS, TrackMerging
+from fwav_companion.tracking.track_state import initiate
+from fwav_companion.types import Reason, TrackState
 
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 FPS = 30
 NOISE_M = 0.2
 ONE, OTHER, MIDDLE = (3.6, 3.0), (4.4, 3.0), (4.0, 3.0)
@@ -16,7 +26,7 @@ ONE, OTHER, MIDDLE = (3.6, 3.0), (4.4, 3.0), (4.0, 3.0)
 
 def flown(frames, fps=FPS, sees=True, **options):
     """All tracks after each frame; a frame is a list of (place, the detection's label and id)."""
-    tracker, reported = plain_tracker(**options), []
+    tracker, reported = make_tracker(TrackingOptions(**options), NO_BIAS), []
     for k, seen in enumerate(frames):
         fixes = [a_fix(k / fps, (*place, 0.0), **detection) for place, detection in seen]
         reported.append(tracker.on_frame(a_view(k / fps, *fixes, sees=sees)))
@@ -129,3 +139,39 @@ def test_far_targets_that_take_turns_stay_two():
 def test_frames_that_could_not_see_the_other_say_nothing():
     reported = flown(both() + one_target(np.random.default_rng(0), 20 * FPS), sees=False)
     assert confirmed(reported) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("apart_m", "sigma_m", "ends"),
+    [(0.05, 0.02, True), (0.4, 0.2, False), (0.05, None, False), (0.1, 0.03, True), (0.1, 0.02, False)],
+)
+def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(apart_m, sigma_m, ends):
+    """Turns of twenty looks; a fix has a sigma of 0.2 m an axis. Their own filters are 0.8 m apart throughout.
+
+    ``sigma_m``: one sigma of the two places' difference by calibration, north; None without calibration.
+    """
+    estimate = SimpleNamespace(separation2=lambda one, other: (apart_m / sigma_m) ** 2)
+    calibrator = SimpleNamespace(passes=SimpleNamespace(served=SimpleNamespace(best=estimate)))
+
+    def best(track):
+        place = (4.0 + apart_m * (track.id == 2), 3.0)
+        own = StaticKalman(NO_BIAS).initiate(a_fix(0.0, (*place, 0.0)))
+        placed = SimpleNamespace(north=place[0], east=place[1])
+        return own if sigma_m is None else CalibratedTargetState(calibrator, track.id, placed, own)
+
+    merging = TrackMerging()
+    for k in range(TURNS + 40):
+        turn, now = k // 20 % 2, host_ns(k / FPS)
+        tracks = [confirmed_track(1, ONE, now), confirmed_track(2, OTHER, now)]
+        missed = tracks[1 - turn]
+        life = replace(missed.life, misses=5 + k % 20)
+        tracks[1 - turn] = replace(missed, fix=None, life=life)
+        merging = merging.after_frame(tracks, [missed.id], NS_PER_S // FPS, lambda track: track.target)
+    after = merging.merged(tracks, best)
+    assert [track.life.reason is Reason.REPLACED for track in after] == [False, ends]
+
+
+def confirmed_track(number, place, now):
+    fix = a_fix(0.0, (*place, 0.0))
+    track = initiate(number, fix, StaticKalman(NO_BIAS).initiate(fix), now)
+    return replace(track, life=replace(track.life, state=TrackState.CONFIRMED, confirmed_ns=number))

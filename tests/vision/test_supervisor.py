@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from vision_pictures import pipe_bytes, tag_picture
 
-from fwav_companion.types import Frame, Reason
-from fwav_companion.types.spots import SpotRefused
+from fwav_companion.types import Frame
 from fwav_companion.types.status import VisionReport
 from fwav_companion.vision import supervisor
 from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
@@ -46,12 +45,6 @@ class Daemon:
     def on_picture(self, data: bytes, jpeg: bytes) -> None:
         self.pictures.append((data, jpeg))
         self.changed.set()
-
-    def on_question(self, data: bytes) -> None:
-        """No spots are followed."""
-
-    def on_refused(self, refused: SpotRefused) -> None:
-        """No spots are followed."""
 
     def _state(self, report: VisionReport) -> None:
         self.states.append((report.works, report.why))
@@ -164,43 +157,6 @@ def test_a_process_without_memory_ends_and_another_finds_the_tags(tmp_path: Path
     daemon = asyncio.run(watch())
     assert False in [works for works, _ in daemon.states]
     assert daemon.states[-1][0]
-
-
-HOSTILE = """#!{python}
-import os, socket, sys
-sock = socket.socket(fileno=int(sys.argv[-1]))
-sock.recv(65536)  # its orders
-for half in (b'{{"vision":', b'{{"vision":"looking","why":3}}', b'{{"spot":', b'{{"question":', b"{{", b"\\xff"):
-    sock.send(half)
-for endless in (os.open("/dev/zero", os.O_RDONLY), os.pipe()[0]):
-    socket.send_fds(sock, [b'{{"kept":{{"frame":1,"time_monotonic":1.0,"detections":[]}}}}'], [endless])
-sock.send(b'{{"frame":7,"time_monotonic":1.0,"detections":[]}}')
-sock.recv(65536)  # until it is ended
-"""
-
-
-def test_half_lines_and_endless_pictures_are_dropped_and_no_fault_of_the_service(tmp_path: Path, quick):
-    """A decoder that was taken over by a picture, or a process of another version after an update."""
-    hostile = tmp_path / "python"
-    hostile.write_text(HOSTILE.format(python=sys.executable))
-    hostile.chmod(0o700)
-    faults: list[dict] = []
-
-    async def watch() -> Daemon:
-        asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context))
-        daemon = Daemon(VisionTask(python=str(hostile)))
-        daemon.process.start()
-        await daemon.until(lambda: any(isinstance(each, Frame) for each in daemon.frames))
-        daemon.process.close()
-        return daemon
-
-    daemon = asyncio.run(watch())
-    assert faults == []
-    *dropped, frame = daemon.frames
-    assert frame.number == 7
-    assert {each.reason for each in dropped} == {Reason.MALFORMED}
-    assert len(dropped) == 5, "a question is the desk's"
-    assert daemon.pictures == []
 
 
 def test_a_missing_source_is_reported_once_and_taken_when_it_comes(tmp_path: Path, quick):

@@ -3,8 +3,7 @@
 - Frames with the autopilot's ids are accepted on autopilot links alone. On other links they are not forwarded and teach
  no route: a station forwards the autopilot's own stream back, or the sender is another vehicle or a forgery.
 - A frame with the ids of a component of ours is an echo if we sent these bytes lately. Otherwise a second program uses
- our ids; its requests go to the autopilot only, so that it keeps working until its ids are changed. What we report
- with these ids, as LANDING_TARGET, goes nowhere: a station's link could steer a landing by it.
+ our ids; its frames go to the autopilot only, so that it keeps working until its ids are changed.
 - On a link of ground stations no sender with our system id, or the vehicle's, reports the vehicle's state.
 """
 
@@ -111,8 +110,8 @@ class Acceptance:
         return first.is_gcs and not port.is_gcs and sender in port.peers and sender not in first.peers
 
     def forwards_of_refused(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:
-        """Return (link, frame) for a frame that taught no route: to an autopilot, a request of a second program with
-        our ids.
+        """Return (link, frame) for a frame that taught no route: to an autopilot, from a second program with our
+        ids.
         """
         if not self._router.is_own(frame) or self._is_echo(frame, now):
             return []

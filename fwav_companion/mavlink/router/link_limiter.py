@@ -38,7 +38,7 @@ LEAST_SHARE: Final = 0.05
 update_rate_mult)."""
 STATIONS_SHARE: Final = 0.25
 """Share of the budget for what a station's link brings without a signature: a stranger there sends heartbeats and
-commands, which are never thinned, ten times as fast as a radio takes them. The same share for our answers to it."""
+commands, which are never thinned, ten times as fast as a radio takes them."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 MAX_REASONS: Final = 256
 """Pairs of (message, reason) counted separately for the status."""
@@ -60,7 +60,6 @@ class LinkLimiter:
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
         self._grant_budget = ByteBudget()
-        self._answer_budget = ByteBudget()
         self._radio = RadioBackoff()
         self._load = LoadMeter()
         self._common_hz = inf
@@ -112,22 +111,12 @@ class LinkLimiter:
         """Return whether a frame that is not the vehicle's may leave if :meth:`passes` allows it, whatever its message:
         where bytes are limited, all of them together get ``share``.
         """
-        return self._shares(self._grant_budget, stream, size, share, now)
-
-    def answers(self, stream: StreamKey, size: int, now: HostNs) -> bool:
-        """Return whether an answer of ours to a station may leave if :meth:`passes` allows it: a description is six
-        times as long as its request, and whoever repeats it would take the link from the vehicle's telemetry. Apart
-        from what :meth:`grants` allows: strangers on another link cost a station no answer.
-        """
-        return self._shares(self._answer_budget, stream, size, STATIONS_SHARE, now)
-
-    def _shares(self, budget: ByteBudget, stream: StreamKey, size: int, share: float, now: HostNs) -> bool:
         limit = self._bytes_per_s
         if limit is not None:
-            budget.fill(share * limit, now)
-            if not budget.is_free:
+            self._grant_budget.fill(share * limit, now)
+            if not self._grant_budget.is_free:
                 return self._drop(stream, self._budget_reason)
-            budget.spend(size)
+            self._grant_budget.spend(size)
         return True
 
     def _thinned_by(self, stream: StreamKey, cap: Cap, telemetry: bool, now: HostNs) -> Why | None:

@@ -35,14 +35,7 @@ _KINDS: Final = (
     _Kind(
         NoticeCode.ID_CONFLICT,
         lambda port: port.id_conflict,
-        "another program on link {link!r} uses our ids ({count} frames; its reports are dropped):"
-        " set component_id = 192",
-    ),
-    _Kind(
-        NoticeCode.WRONG_SIGNATURE,
-        lambda port: port.refused_signatures,
-        "{count} frames on link {link!r} are signed with another key and were refused: give their sender the key of"
-        " [signing] key_file; or they are a forgery",
+        "another program on link {link!r} uses our ids ({count} frames): set component_id = 192",
     ),
     _Kind(
         NoticeCode.SIGNED_IN_THE_PAST,

@@ -12,7 +12,6 @@ from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.link_reports import LinkReports
-from fwav_companion.mavlink.router.own_frames import DEFAULT_IDS, OwnIds
 from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
 from fwav_companion.mavlink.router.ration import rejection
 from fwav_companion.mavlink.router.reading import FrameReader
@@ -83,13 +82,16 @@ class Node:
         links: Sequence[LinkPolicy],
         wanted: Iterable[str],
         *,
-        own: OwnIds = DEFAULT_IDS,
+        components: Iterable[int] = (191, 100),
         signing: SigningPolicy | None = None,
     ) -> None:
-        """Start with all links up. ``wanted``: names of the messages to decode."""
-        self._companion = next(iter(own.components), MAV_COMP_ID_AUTOPILOT1)
+        """Start with all links up. ``wanted``: names of the messages to decode. ``components``: ids of our
+        components, the companion's first.
+        """
+        components = tuple(components)
+        self._companion = next(iter(components), MAV_COMP_ID_AUTOPILOT1)
         self._keyring = Keyring(signing)
-        self._router = Router(links, UNADOPTED_SYSTEM, own)
+        self._router = Router(links, UNADOPTED_SYSTEM, frozenset(components))
         self._sender = Sender(self._router, self._keyring)
         self._statistics = StatisticsTaker(self._router)
         self._ports = {port.name: port for port in self._router.ports}
@@ -271,8 +273,7 @@ class Node:
     def _attach(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> bool:
         """Recompute the routing data of a flow. Returns False if its frames are not accepted."""
         router, flow = self._router, frame.flow
-        known = None if router.is_own(frame) else port.peers.get(flow.system << 8 | flow.component)
-        peer = known or self._acceptance.new_peer(port, frame, now)
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._acceptance.new_peer(port, frame, now)
         if peer is None:
             received.forwards += self._acceptance.forwards_of_refused(port, frame, now)
             return False

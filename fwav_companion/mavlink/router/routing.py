@@ -7,7 +7,7 @@
 3. Never back to the link it came from, nor to one where its sender itself was heard: it would be an echo. A sender that
    is heard on an autopilot or payload link is never heard on a link of ground stations.
 4. Never SETUP_SIGNING, which carries a key. Never to an autopilot's link: RADIO and RADIO_STATUS, which an autopilot
-   takes for those of its own radio, and ADSB_VEHICLE, which it would avoid. Never a report with our ids.
+   takes for those of its own radio, and ADSB_VEHICLE, which it would avoid.
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
    If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.station_rates`).
 
@@ -25,7 +25,6 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
-from fwav_companion.mavlink.router.own_frames import OwnIds, is_report
 from fwav_companion.mavlink.router.peer_tables import PeerTables
 from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerClock, PeerStream
 from fwav_companion.mavlink.router.ration import Ration
@@ -135,12 +134,12 @@ class Port:
 class Router:
     """Routing tables of all links. ``system`` is our id, and the vehicle's unless that is 0."""
 
-    def __init__(self, policies: Sequence[LinkPolicy], system: int, own: OwnIds) -> None:
+    def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
         self.ports = [Port(index, policy, MAX_FLOWS // len(policies)) for index, policy in enumerate(policies)]
         self.system = system
         self.vehicle = system
         """System id of the vehicle: ours, unless the autopilot sends with system 0."""
-        self._own = own
+        self.components = components
         self._autopilot: int | None = None
         """Autopilot's (system << 8 | component); None before the vehicle is known."""
         self.version = 0
@@ -164,7 +163,7 @@ class Router:
         self.system, self._autopilot = system, sender
         self.version += 1
         for port in self.ports:
-            wrong = {system << 8 | component for component in self._own.components}
+            wrong = {system << 8 | component for component in self.components}
             if sender is not None and not port.is_autopilot:
                 wrong.add(sender)
             self._tables.forget(port.peers, wrong)
@@ -209,8 +208,8 @@ class Router:
         return any(port.hears_ground_station(now) for port in self.ports if port.is_gcs)
 
     def is_own(self, frame: RawFrame) -> bool:
-        """Return whether the frame carries ids that we send it with."""
-        return self._own.has(frame, self.system)
+        """Return whether the frame carries the ids of one of our components."""
+        return frame.system == self.system and frame.component in self.components
 
     def is_autopilot(self, frame: RawFrame) -> bool:
         """Return whether the frame carries the autopilot's ids."""
@@ -220,7 +219,7 @@ class Router:
         """Return whether the target is one of our components (rule 1)."""
         if target_system == 0:
             return True
-        return target_system == self.system and (target_component == 0 or target_component in self._own.components)
+        return target_system == self.system and (target_component == 0 or target_component in self.components)
 
     def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
         """Add a new peer on a link; without room for it, return a peer that is in no table.
@@ -318,7 +317,7 @@ class Router:
             return True
         if frame.msgid == REQUEST_DATA_STREAM:
             return port.forwards_rate_requests
-        return frame.msgid != SETUP_SIGNING and not (self.is_own(frame) and is_report(frame))
+        return frame.msgid != SETUP_SIGNING
 
     def _reaches(self, out: Port, target_system: int, target_component: int) -> bool:
         if target_system == 0:

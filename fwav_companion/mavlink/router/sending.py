@@ -44,11 +44,7 @@ class Sender:
             self.timesyncs.append(int(outgoing.fields["ts1"]))
         frames = []
         for port in self._ports_to(outgoing, now):
-            size = self._size(port, payload)
-            answers_station = outgoing.to is Destination.REPLY and port.is_gcs
-            if answers_station and not port.limiter.answers(stream, size, now):
-                continue
-            if not port.limiter.passes(stream, size, now):
+            if not port.limiter.passes(stream, self._size(port, payload), now):
                 continue
             seq = self._sequences.get((port.name, system, component), 0)
             self._sequences[port.name, system, component] = (seq + 1) & 0xFF

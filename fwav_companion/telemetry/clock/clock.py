@@ -6,7 +6,7 @@ segments. The one of least sigma is used.
 
 from __future__ import annotations
 
-from math import hypot, inf, sqrt
+from math import inf, sqrt
 
 import msgspec
 
@@ -140,20 +140,20 @@ class LinkClock:
             if segment.agreed_ns < host_ns < segment.sure_ns:
                 variance += segment.step_s**2
         if line is self.line:
-            variance += self.doubt_s(host_ns) ** 2
+            variance += self._doubt_s(host_ns) ** 2
         return sqrt(variance)
 
     def bound_s(self, now: HostNs) -> float:
         """Bound of the offset's error, seconds; of an earlier segment its claim alone is left."""
         line = self.line_at(now)
         if line is not None and line is self.exchanges.line:
-            return self.exchanges.bound_s(now) + self.doubt_s(now)
+            return self.exchanges.bound_s(now) + self._doubt_s(now)
         least = BEYOND_DOUBT * self.sigma_s(now)
         if line is None or line is not self.line:
             return least
         return max(self._arrivals.bound_s(now, line.offset_ns_at(now)), least)
 
-    def doubt_s(self, host_ns: HostNs) -> float:
+    def _doubt_s(self, host_ns: HostNs) -> float:
         """The largest of what a suspect, the newest arrivals and a silence contradict of the line in use, seconds."""
         exchanges, watch = self.exchanges, self._watch
         if self.line is not exchanges.line:
@@ -290,7 +290,7 @@ class Clock:
             return ClockStatus.ARRIVALS
         if used.exchanges.changed:
             return ClockStatus.FOLLOWED
-        settled = not used.in_doubt and hypot(sqrt(line.scatter(now)), used.doubt_s(now)) <= SETTLED_SIGMA_S
+        settled = not used.in_doubt and sqrt(line.scatter(now)) <= SETTLED_SIGMA_S
         return ClockStatus.SETTLED if settled else ClockStatus.SETTLING
 
     def _link(self, name: str) -> LinkClock:

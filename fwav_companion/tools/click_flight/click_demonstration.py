@@ -12,7 +12,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
-from fwav_companion.on_disk import write_text
+from fwav_companion.on_disk import whole
 from fwav_companion.recording.line_types import TargetLine
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.tools.click_flight.click_report import click_page
@@ -52,7 +52,8 @@ class ClickDemonstration:
         shown = [] if flight.click is None else _pictures(mock, flight.click, score)
         path = self._out / "report.html"
         command = f"fwav-companion demo --click --seed {self._seed} --seconds {self._seconds:g}"
-        write_text(path, click_page(score, shown, command=command))
+        with whole(path) as file:
+            file.write(click_page(score, shown, command=command).encode())
         return score, path
 
     def _score(self, flight: ClickedFlight, spot: TrueSpot | None, size: tuple[int, int]) -> ClickScore:

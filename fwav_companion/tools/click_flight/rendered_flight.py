@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 
 from fwav_companion.config import Config, load, parse
-from fwav_companion.on_disk import write_text
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.replay import Recording, join
 from fwav_companion.replay.telemetry_files import load_telemetry
@@ -58,9 +57,9 @@ class RenderedFlight:
         self._folder = folder
         self._arguments = [*setup.mock_arguments(parse(text, CONFIG_FILE)), *(f"--set={each}" for each in FLIGHT)]
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / CONFIG_FILE, text)
+        (folder / CONFIG_FILE).write_text(text, encoding="utf-8")
         camera = files("fwav_companion.cli.templates") / CAMERA_FILE
-        write_text(folder / CAMERA_FILE, camera.read_text(encoding="utf-8"))
+        (folder / CAMERA_FILE).write_text(camera.read_text(encoding="utf-8"), encoding="utf-8")
         self.config: Config = load(folder / CONFIG_FILE)
 
     def recorded(self) -> Recording:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from fwav_companion.config import Config, load, parse
-from fwav_companion.on_disk import write_text
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.line_types import Line
 from fwav_companion.recording.truth import parse_truth
@@ -58,11 +57,8 @@ readout_s = 0.0               # a global shutter
 
 [uncertainty]                 # only the camera has errors
 attitude_bias_deg = 0.0
-heading_bias_deg = 0.0
 position_noise_m = 0.0
 position_bias_m = 0.0
-position_delay_sigma_s = 0.0
-lever_arm_sigma_m = 0.0
 height_noise_m = 0.1
 height_bias_m = 0.0
 time_offset_sigma_s = 0.05
@@ -114,9 +110,9 @@ def tracked(folder: Path, config: Config, progress: Callable[[str], None]) -> Fl
 
 def _fly(folder: Path, seed: int) -> Config:
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / CONFIG_FILE, CONFIG)
+    (folder / CONFIG_FILE).write_text(CONFIG, encoding="utf-8")
     camera = files("fwav_companion.cli.templates") / CAMERA_FILE
-    write_text(folder / CAMERA_FILE, camera.read_text(encoding="utf-8"))
+    (folder / CAMERA_FILE).write_text(camera.read_text(encoding="utf-8"), encoding="utf-8")
     arguments = mock_arguments(parse(CONFIG, CONFIG_FILE), seed)
     command = [sys.executable, "-m", MOCK_MODULE, *arguments, "--record", str(folder)]
     subprocess.run(command, capture_output=True, timeout=FLYING_S, check=True)  # noqa: S603  # our own module

@@ -14,8 +14,9 @@ from typing import Any
 import msgspec
 
 from fwav_companion.config import Config, load
+from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.on_disk import write_text
+from fwav_companion.on_disk import whole
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.line_types import Line, OriginObject, header_of
 from fwav_companion.recording.truth import parse_truth
@@ -65,7 +66,11 @@ def write_report(
         flight = msgspec.structs.replace(flight, hidden=_hidden(truth[0]["biases"], flight.position_error_m))
     path = out / "report.html"
     second = second_flight(out, setup.seed, progress)
-    write_text(path, page(flight, diagnostics(lines), second))
+    try:
+        with whole(path) as file:
+            file.write(page(flight, diagnostics(lines), second).encode())
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a folder to write to") from None
     return path, [*_result(flight), second.result.sentence]
 
 

@@ -15,7 +15,7 @@ import msgspec
 
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import made_folder, write_text
+from fwav_companion.on_disk import made_folder
 from fwav_companion.tools.demo.fleet_score import FusedScore, fleet_scores
 from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, mock_priors
 from fwav_companion.tools.demo.processes import ChildProcess, GrowingLines, newest_object
@@ -87,7 +87,7 @@ class FleetDemonstration:
             for name in ("status.json", "truth.jsonl"):
                 (folder / name).unlink(missing_ok=True)
             camera = files("fwav_companion.cli.templates") / CAMERA_FILE
-            write_text(folder / CAMERA_FILE, camera.read_text(encoding="utf-8"))
+            (folder / CAMERA_FILE).write_text(camera.read_text(encoding="utf-8"), encoding="utf-8")
         except OSError as error:
             raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
         return folder
@@ -100,7 +100,7 @@ class FleetDemonstration:
         return _child(stack, "the ground process", "fwav_companion", words, self._out / "ground.log")
 
     def _service(self, stack: ExitStack, number: int, folder: Path, ports: tuple[int, int]) -> ChildProcess:
-        write_text(folder / CONFIG_FILE, self._config_text(ports))
+        (folder / CONFIG_FILE).write_text(self._config_text(ports), encoding="utf-8")
         words = ["run", "--config", CONFIG_FILE]
         return _child(stack, f"the service of vehicle {number}", "fwav_companion", words, folder / "service.log")
 

@@ -16,7 +16,6 @@ import msgspec
 
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import write_text
 from fwav_companion.recording.line_decoder import read_lines
 from fwav_companion.recording.line_types import ClockEstimateLine
 from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, PIPE, FlightSetup
@@ -143,9 +142,9 @@ class Demonstration:
         try:
             for name in ("truth.jsonl", "pictures.jsonl", "status.json"):
                 (self._out / name).unlink(missing_ok=True)
-            write_text(self._out / CONFIG_FILE, text)
+            (self._out / CONFIG_FILE).write_text(text, encoding="utf-8")
             camera = files("fwav_companion.cli.templates") / CAMERA_FILE
-            write_text(self._out / CAMERA_FILE, camera.read_text(encoding="utf-8"))
+            (self._out / CAMERA_FILE).write_text(camera.read_text(encoding="utf-8"), encoding="utf-8")
             self._make_pipe(self._out / PIPE)
         except OSError as error:
             raise InputFileError(

@@ -62,8 +62,7 @@ def _unwritable(user: str, folder: Folder) -> Iterator[Finding]:
 
 
 def _state(evidence: Evidence) -> Iterator[Finding]:
-    config = evidence.config
-    wanted = config.signing is not None or (config.localizes and config.tracking.self_calibration)
+    wanted = evidence.config.signing is not None or evidence.config.tracking.self_calibration
     if wanted and not any(folder.key.startswith("[state]") for folder in evidence.board.folders):
         yield make_finding("no_state")
 

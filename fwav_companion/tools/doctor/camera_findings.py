@@ -1,4 +1,4 @@
-"""The camera: its calibration, before and in flight, elevation models, and the stream of its detections."""
+"""The camera: its calibration, elevation models, and the stream of its detections."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ FIRST_FRAME_S: Final = 2.0
 
 
 def file_findings(evidence: Evidence) -> Iterator[Finding]:
-    """Yield what is wrong with the camera's files and settings; nothing for a relay."""
+    """Yield what is wrong with the camera's files; nothing for a relay."""
     if not evidence.config.localizes:
         return
-    yield from _self_calibration(evidence)
     if evidence.files.calibration_error:
         yield make_finding("calibration", error=evidence.files.calibration_error)
         return
@@ -45,13 +44,6 @@ def _readout(status: RunStatus) -> Iterator[Finding]:
     readout = status.seen.readout
     if readout.matters:
         yield make_finding("readout_unknown", by_readout_m=readout.by_readout_m, sigma_m=readout.sigma_m)
-
-
-def _self_calibration(evidence: Evidence) -> Iterator[Finding]:
-    """`init` wrote false before true was the default: the user may not know that it is off."""
-    tracking = evidence.config.tracking
-    if tracking.filter == "kalman" and not tracking.self_calibration:
-        yield make_finding("self_calibration_off")
 
 
 def _narrow(evidence: Evidence) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.finding_table import make_finding
 from fwav_companion.tools.doctor.landing_findings import labels_heard
-from fwav_companion.types import ElevatedTarget, LandmarkState, Pad
+from fwav_companion.types import LandmarkState
 from fwav_companion.types.flight_status import LandmarkReport, OriginReport
 from fwav_companion.types.status import RunStatus
 
@@ -39,8 +39,8 @@ def landmark_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding
 
 def _not_applied(evidence: Evidence) -> Finding:
     config = evidence.config
-    things: tuple[ElevatedTarget | Pad, ...] = (*config.target, *config.pad)
-    moving = [thing.label for thing in things if thing.motion == "moving"]
+    moving = [target.label for target in config.target if target.motion == "moving"]
+    moving += [pad.label for pad in config.pad if pad.motion == "moving"]
     return make_finding(
         "landmarks_not_applied",
         "motion" if config.tracking.filter == "kalman" else "filter",

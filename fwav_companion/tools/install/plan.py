@@ -144,10 +144,7 @@ def _environment(system: System, source: Package, request: Request, config: Conf
         linux32=system.platform.needs_linux32,
     )
     if small:
-        yield Remark(
-            text="32-bit system: relay, and detections of another program by UDP; no camera of its own. "
-            "Localizing needs the system's numpy: sudo apt install python3-numpy"
-        )
+        yield Remark(text="32-bit system: relay, and detections of another program by UDP; no camera of its own")
     yield PointLink(path=ENVIRONMENT, target=f"{HOME}/{name}")
     yield WriteFile(path=RECORD, content=_encoded(wanted))
 
@@ -156,13 +153,11 @@ def _wanted(system: System, source: Package, request: Request, config: Config | 
     """Return the sources of the wanted environment; extras that were installed before stay."""
     before = system.installed or Installed()
     extras = sorted({*request.extras, *(extra for extra in before.extras if extra in source.extras)})
-    return Installed(version=source.version, extras=tuple(extras), system_packages=_sees_system(system, config, before))
+    return Installed(version=source.version, extras=tuple(extras), system_packages=_sees_system(config, before))
 
 
-def _sees_system(system: System, config: Config | ConfigError, before: Installed) -> bool:
-    """Return whether a package of the system is used: numpy on 32-bit Arm, picamera2 for a Raspberry Pi camera."""
-    if system.platform.is_32_bit_arm:
-        return True
+def _sees_system(config: Config | ConfigError, before: Installed) -> bool:
+    """Return whether a Raspberry Pi camera is configured: picamera2 is a package of the system."""
     if isinstance(config, ConfigError) or config.vision is None:
         return before.system_packages if isinstance(config, ConfigError) else False
     return config.vision.source.startswith("libcamera:")

@@ -14,7 +14,7 @@ import msgspec
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
-from fwav_companion.on_disk import whole
+from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.tools.locate.answers import PlaceAnswer, PlaceAnswers, answer_lines
 from fwav_companion.tools.locate.detections import detected_clicks
 from fwav_companion.tools.locate.exports import exported
@@ -58,15 +58,12 @@ class PhotographScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def draw_photographs(out: Path, seed: int) -> None:
-    """Let the mock, in a process of its own, write pictures and truth.json into a folder. InputFileError where it
-    cannot.
-    """
-    command = [sys.executable, "-m", "sitl_mock.photograph_set", str(out), str(seed)]
+    """Let the mock, in a process of its own, write pictures and truth.json. InputFileError where it cannot."""
+    command = [sys.executable, "-m", "sitl_mock.photograph_set", str(made_folder(out)), str(seed)]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=DRAWING_S)  # noqa: S603  # our own words
     except (OSError, subprocess.SubprocessError) as error:
-        said = (getattr(error, "stderr", None) or str(error).encode()).decode(errors="replace").splitlines()
-        raise InputFileError(f"{out}: the pictures were not drawn: {said[-1][:200]}") from None
+        raise InputFileError(f"{out}: the pictures were not drawn: {str(error)[:100]}") from None
 
 
 def locate_photographs(out: Path) -> list[PhotographScore]:

@@ -25,15 +25,15 @@ MOST_POINTS = 300
 MARGIN = 0.18
 """Empty space above and below the values of a chart, as a fraction of their range."""
 STATUSES = {
-    "waiting": "The flight showed too little of delay and mount: both may be off by what the configuration states.",
-    "ambiguous": "Several delays explain the measurements equally well, as with a steady beat: the best one is used.",
+    "waiting": "The flight showed too little to change delay or mount: both keep their configured values.",
+    "ambiguous": "Several delays explain the measurements equally well, as with a steady beat: no value was changed.",
     "unexplained": "No delay within its prior explains the measurements: no value was changed.",
-    "time": "The shaking showed the delay. Headings and ranges of this flight show too little of the mount.",
+    "time": "The shaking showed the delay. Headings and ranges of this flight do not show the mount: it was kept.",
     "calibrated": "Delay and mount were both found in flight.",
 }
 WHAT_IS_THE_MOUNT = (
-    "The mount is a rotation about the body axes. A constant error of the autopilot's roll or pitch has the same "
-    "effect and is part of it."
+    "The mount is a rotation about the body axes. A constant error of the autopilot's roll, pitch or heading has the "
+    "same effect and is part of it."
 )
 STATES = {"contradicts": "contradicts the configuration"}
 LEAST_SHOWN_SIGMA = 1e-4

@@ -29,12 +29,9 @@ def timing_section(flight: FlightData) -> str:
     """Accuracy of the clock offset, and time from each sighting to the nearest attitude; empty without either."""
     figures = []
     if len(flight.clock) > 1:
-        # An autopilot that falls silent before the service leaves an offset that is known ever less well.
-        settled = [sample for sample in flight.clock if sample.status == ClockStatus.SETTLED]
-        last = (settled or flight.clock)[-1]
-        when = "At the end" if last is flight.clock[-1] else "While it was last settled,"
+        last = flight.clock[-1]
         caption = (
-            f"This board stamps pictures, the autopilot stamps attitudes. {when} the offset between the two clocks "
+            f"This board stamps pictures, the autopilot stamps attitudes. At the end the offset between the two clocks "
             f"was known to {last.error95_s * 1e3:.2g} ms (95 %); its hard bound was {last.bound_s * 1e3:.2g} ms."
         )
         entries = key([("ours", "line", "95 %"), ("bound", "line", "hard bound")])

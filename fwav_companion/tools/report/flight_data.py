@@ -61,7 +61,6 @@ class ClockSample(msgspec.Struct, frozen=True):
     """Half width of the 95 % interval, seconds; at most the hard bound."""
     bound_s: float
     """Hard bound, seconds."""
-    status: str
 
 
 class CalibrationSample(msgspec.Struct, frozen=True):
@@ -297,7 +296,6 @@ def _clock(lines: Sequence[Line], start_from_monotonic_s: float) -> list[ClockSa
             at_s=line.time_monotonic + start_from_monotonic_s,
             error95_s=min(NORMAL_95 * line.sigma_s, line.bound_s),
             bound_s=line.bound_s,
-            status=line.status,
         )
         for line in lines
         if isinstance(line, ClockEstimateLine)

@@ -42,8 +42,6 @@ VARIANTS = (PAPER, PLAIN, CALIBRATED)
 def variant_of(config: Config) -> TrackingVariant:
     """The variant of a configuration; a user's filter or another low-pass filter has the kind "own"."""
     tracking = config.tracking
-    if tracking.filter == "lowpass":  # self-calibration does not change its tracks
-        tracking = msgspec.structs.replace(tracking, self_calibration=False)
     for variant in VARIANTS:
         if variant.applied_to(config).tracking == tracking:
             return variant

@@ -12,7 +12,7 @@ import msgspec
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
-from fwav_companion.on_disk import open_regular, write_text
+from fwav_companion.on_disk import open_regular, write_page
 from fwav_companion.recording.line_decoder import LinesRead, read_lines
 from fwav_companion.recording.line_types import CalibrationLine, HeaderLine, Line, SightingLine, TargetLine, header_of
 from fwav_companion.recording.truth import TruthPoint
@@ -36,10 +36,10 @@ VARIANT_LINES = (TargetLine, CalibrationLine)
 def other_variants(config: Config, replayed: Callable[[str, Config], Iterator[Line]]) -> list[ReplayedLines]:
     """The recording in each variant that the configuration is not; ``replayed(name, config)`` runs one replay.
 
-    The smoother needs numpy: a board without it gets a report without those variants.
+    Self-calibration needs numpy: a board without it gets a report without that variant.
     """
-    own, smooths = variant_of(config), is_installed("numpy")
-    others = [each for each in VARIANTS if each.kind != own.kind and (smooths or each.filter != "kalman")]
+    own, calibrates = variant_of(config), is_installed("numpy")
+    others = [each for each in VARIANTS if each.kind != own.kind and (calibrates or not each.self_calibration)]
     return [
         ReplayedLines(
             other.name,
@@ -88,7 +88,7 @@ class ReportWriter:
             notes=notes,
             recorded=recorded,
         )
-        return write_text(folder / "report.html", page(flight, diagnostics(self._lines)))
+        return write_page(folder / "report.html", page(flight, diagnostics(self._lines)))
 
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
@@ -105,7 +105,7 @@ def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[Tr
         if count
     ]
     differences = _differences(our_header.config, their_header.config)
-    return write_text(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
+    return write_page(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:

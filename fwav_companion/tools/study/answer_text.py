@@ -74,7 +74,7 @@ def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
         yield f"{name:{WIDTH}}" + "".join(f"{value:>{COLUMN}}" for value in values)
     for reason, count in answer.configured.no_answer:
         yield f"no answer: {count} flights, {spaced(reason)}: {no_answer_words(reason)}"
-    yield from _calibration_lines(answer)
+    yield from _calibration_lines(plan, answer)
     yield from _cause_lines(answer)
     yield from _curve_lines(answer)
     yield from NOTES if plan.preset == "paper" else ()
@@ -117,15 +117,21 @@ def share(claim: ClaimTest) -> str:
     return "-" if claim.n == 0 else share_words(claim.share)
 
 
-def calibration_words(answer: StudyAnswer) -> str:
+def calibration_words(plan: StudyPlan, answer: StudyAnswer) -> str:
     """Whether self-calibration is on, and how soon the camera was calibrated."""
     calibration = answer.calibration
     if calibration is None:
         return "Self-calibration is off."
+    on = "Self-calibration is on."
+    if plan.switches_calibration_on:
+        on = (
+            f"The study has self-calibration on, {plan.config_name} has it off: set [tracking] self_calibration = true "
+            "to fly so, or study it off by --set tracking.self_calibration=false."
+        )
     found = f"{share_words(calibration.share)} of the flights calibrated the camera"
     if calibration.seconds is not None:
         found += f", half of these within {calibration.seconds.value:.0f} s"
-    return f"Self-calibration is on. {found}."
+    return f"{on} {found}."
 
 
 def share_words(value: IntervalEstimate) -> str:
@@ -222,8 +228,8 @@ def _limit_sentence(answer: StudyAnswer) -> str:
     )
 
 
-def _calibration_lines(answer: StudyAnswer) -> Iterator[str]:
-    yield calibration_words(answer)
+def _calibration_lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
+    yield calibration_words(plan, answer)
     for status, flights, words in calibration_rows(answer):
         yield f"  {status:<14}{flights:>6}  {words}"
 

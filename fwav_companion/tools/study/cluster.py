@@ -189,26 +189,16 @@ class Workers:
 
 @contextmanager
 def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
-    """Workers of the scheduler at this address, else of a local cluster with one worker a core. UserError,
-    WorkersDiedError.
-    """
+    """Workers of the scheduler at this address, else of a local cluster with one worker a core. UserError."""
     _silence("distributed", "asyncio")
     with dask.config.set(SETTINGS), ExitStack() as opened:
-        try:
-            started = _connection(opened, scheduler, count)
-        except (RuntimeError, CommClosedError):  # a nanny whose worker died; a worker that died while it was asked
-            raise WorkersDiedError("a worker died while it started; is the memory too small?") from None
-        yield started
-
-
-def _connection(opened: ExitStack, scheduler: str, count: int | None) -> Workers:
-    if scheduler:
-        client = opened.enter_context(_connected(scheduler))
-    else:
-        cluster = opened.enter_context(_local(count or len(os.sched_getaffinity(0))))
-        client = opened.enter_context(Client(cluster, set_as_default=False))
-        client.register_plugin(InterruptPlugin())
-    return Workers(client)
+        if scheduler:
+            client = opened.enter_context(_connected(scheduler))
+        else:
+            cluster = opened.enter_context(_local(count or len(os.sched_getaffinity(0))))
+            client = opened.enter_context(Client(cluster, set_as_default=False))
+            client.register_plugin(InterruptPlugin())
+        yield Workers(client)
 
 
 def _silence(*packages: str) -> None:

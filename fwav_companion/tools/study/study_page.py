@@ -76,7 +76,7 @@ def study_page(
             _error_section(plan, records, answer),
             *(_curve_section(curve) for curve in answer.curves),
             _claim_section(answer),
-            _calibration_section(answer),
+            _calibration_section(plan, answer),
             _no_answer_section(answer),
             _wrong_section(answer, commands),
             _method_section(plan, records, environment),
@@ -227,10 +227,10 @@ def _claim_section(answer: StudyAnswer) -> str:
     return section("Can the claims be trusted", "", inside)
 
 
-def _calibration_section(answer: StudyAnswer) -> str:
+def _calibration_section(plan: StudyPlan, answer: StudyAnswer) -> str:
     body = [row(each) for each in calibration_rows(answer)]
     ends = f'<div class="reasons">{table(["at the end", "flights", ""], body)}</div>' if body else ""
-    return section("Self-calibration of the camera", calibration_words(answer), ends)
+    return section("Self-calibration of the camera", calibration_words(plan, answer), ends)
 
 
 def _no_answer_section(answer: StudyAnswer) -> str:

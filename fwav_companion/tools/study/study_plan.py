@@ -18,6 +18,7 @@ from fwav_companion.types import Lens, NoRay
 
 Pattern: TypeAlias = Literal["eight", "hover", "orbit", "survey", "straight"]
 PATTERNS: Final = ("eight", "hover", "orbit", "survey", "straight")
+ON_BY_DEFAULT: Final = "tracking.self_calibration"
 AZIMUTHS: Final = 16
 """Directions over which the image radius of a lens is averaged."""
 ANGLES: Final = 60
@@ -66,12 +67,23 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
         """Identifier of studies whose flights of the same index are equal: it covers all but the number of flights."""
         return hashlib.sha256(msgspec.json.encode(msgspec.structs.replace(self, flights=0))).hexdigest()[:16]
 
+    @property
+    def asks_for_calibration(self) -> bool:
+        """Whether a --set switches self-calibration on or off."""
+        return any(key.endswith(ON_BY_DEFAULT) for key, _ in self.settings)
+
+    @property
+    def switches_calibration_on(self) -> bool:
+        """Whether flights are replayed with self-calibration although the configuration has it off."""
+        return not (self.asks_for_calibration or self.parsed(()).tracking.self_calibration)
+
     def claim_settings(self, more: Iterable[tuple[str, str]] = ()) -> tuple[str, ...]:
-        """The ``KEY=VALUE`` of a flight's replay.
+        """The ``KEY=VALUE`` of a flight's replay. Self-calibration is on unless --set has it off.
 
         All labels of the mock count, and an elevation model becomes an uncertainty of its level ground.
         """
-        chosen = (*claim_settings((*self.settings, *more)), "detections.min_score=0.0", "detections.labels=[]")
+        own = () if self.asks_for_calibration else ((ON_BY_DEFAULT, "true"),)
+        chosen = (*claim_settings((*own, *self.settings, *more)), "detections.min_score=0.0", "detections.labels=[]")
         sigma_m = terrain_sigma_m(self.parsed(chosen))
         if not sigma_m:
             return chosen

@@ -8,15 +8,15 @@ the configuration's :class:`~fwav_companion.types.ErrorPriors`. The class follow
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
+import msgspec
+
+from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
-
-GATE = 16.0
-"""Gate on the NIS, 2 degrees of freedom: a true fix exceeds it once in 3000 times."""
 
 
 class ReportedTarget(Protocol):
@@ -64,22 +64,19 @@ class TargetState(TargetEstimate, Protocol):
         """The state after a fix of this instant."""
 
 
+class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
+    """Horizontal innovation of a fix, with its sensitivities to the errors that all targets share, and its noise."""
+
+    north_m: float
+    east_m: float
+    shared: tuple[Row, Row]
+    """Sensitivities to shared errors of unit variance, north and east, metres; wander, if included, comes last."""
+    noise: Symmetric2
+    """Covariance of the noise, m^2."""
+
+
 class Filter(Protocol):
     """Initiates targets."""
 
     def initiate(self, fix: GroundFix) -> TargetState:
         """The state after the first fix of a target."""
-
-
-@runtime_checkable
-class TargetWithShares(Protocol):
-    """A target whose filter knows what limits it."""
-
-    def shares_by_cause(self) -> dict[str, float]:
-        """Horizontal variance that it would lose if one cause of error were exactly known, by cause, m^2."""
-        ...
-
-
-def shares_of(target: ReportedTarget) -> dict[str, float]:
-    """Horizontal variance of a target by cause, m^2; empty for a filter that does not know it."""
-    return target.shares_by_cause() if isinstance(target, TargetWithShares) else {}

@@ -24,8 +24,8 @@ from fwav_companion.estimation.errors import (
     SharedPriors,
     with_stored,
 )
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Bias, ErrorPriors
-from fwav_companion.types.calibration_report import KeptCalibration
 
 _SOURCES = {
     CAMERA_DELAY: Bias.TIME_OFFSET,
@@ -45,8 +45,6 @@ _SOURCES = {
 """The bias of [uncertainty] behind each shared parameter."""
 
 
-WAY_M = 10.0
-"""One sigma of a vehicle's way in a world without a position, by the smooth kernel 0.5 m/s."""
 GRASS_M = 0.1
 """Least roughness of the ground under a rangefinder's beam."""
 
@@ -85,15 +83,14 @@ def sample_noise(
 ) -> SampleNoise:  # fmt: skip
     """Noise of single samples. ``position_bias_m``: the receiver's own accuracy; None: as configured.
 
-    ``relative``: there is no position; the world's origin is below the camera, so the vehicle's way is the position's
-    error.
+    ``relative``: there is no position; the world's origin is below the camera, without an error.
     ``stamp_sigma_s``: of a picture's instant on the attitudes' clock. Telemetry has already corrected the mean delay of
     the attitudes' stamps. ``height_wander_m``: of the height above the ground (``flight_ground``).
     """
     wander_m = priors.sigma(Bias.POSITION_NORTH) if position_bias_m is None else position_bias_m
     position_noise_m = priors.position_noise_m
     if relative:
-        wander_m, position_noise_m = WAY_M, 0.0
+        wander_m = position_noise_m = 0.0
     return SampleNoise(
         attitude_rad=priors.attitude_noise,
         attitude_stamp_delay_s=0.0,

@@ -10,9 +10,6 @@ from fwav_companion.tracking.smoothed.flight_ground import surface_of
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.types import FrameView, GroundReference, HeightReference
 
-BAROMETER_WANDER_M = 0.4
-"""One sigma of a barometer's wander: it moves by 0.2 m in a quarter of a minute, of a correlation time of 30 s."""
-
 
 def follow_ground(state: SmoothedState, reference: GroundReference, level_m: float | None) -> None:
     """Take a home or an elevation model that was moved, or a rangefinder's first reading, as the ground.
@@ -26,13 +23,6 @@ def follow_ground(state: SmoothedState, reference: GroundReference, level_m: flo
         estimator.model = replace(estimator.model, ground=surface_of(reference))
         if estimator.live is not None:
             estimator.live.model = estimator.model
-
-
-def follow_sizes(state: SmoothedState) -> None:
-    """Let the height's error, which the sizes of tags show, wander: a barometer drifts, a constant would not."""
-    estimator, noise = state.estimator, state.estimator.model.noise
-    if noise.height_wander_m < BAROMETER_WANDER_M:
-        estimator.model = replace(estimator.model, noise=replace(noise, height_wander_m=BAROMETER_WANDER_M))
 
 
 def follow_receiver(state: SmoothedState, view: FrameView, t: float, least_stamp_sigma_s: float) -> None:

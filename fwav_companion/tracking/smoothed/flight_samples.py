@@ -84,16 +84,14 @@ class FlightSamples:
         self._attitude_ns = self._position_ns = self._range_ns = self._gimbal_ns = BootNs(-1)
         self._first_ns: BootNs | None = None
 
-    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:
-        """Hand over what came since. ``reference``: the source of heights. ``view``: the frame, whose tags show one."""
+    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:  # noqa: ARG002
+        """Hand over what came since. ``reference``: the source of heights."""
         for sample in self._source.attitudes_after(self._attitude_ns):
             estimator.add_attitude(self._clock.seconds(sample.boot_ns), sample.ned_from_body)
             self._attitude_ns = sample.boot_ns
             self._first_ns = self._first_ns or sample.boot_ns
         if self._has_gimbal:
             self._feed_gimbal(estimator)
-        if view is not None:
-            self._feed_sizes(estimator, view)
         if self._relative:
             self._feed_heights(estimator, reference)
             return
@@ -184,19 +182,6 @@ class FlightSamples:
             self.level_m = -position[2] - depth_m
         estimator.add_range(RangeReading(self._clock.seconds(sample.boot_ns), depth_m - lever_down_m, sigma_m), foot)
 
-    def _feed_sizes(self, estimator: Estimator, view: FrameView) -> None:
-        """Add the height by the tag of a frame whose size shows it best, where the fix is by it, too."""
-        best: tuple[RangeReading, tuple[float, float]] | None = None
-        for fix in view.fixes:
-            sighting, size = fix.sighting, fix.sighting.size_height
-            if size is None or fix.best_height_m is None or (best is not None and best[0].sigma_m <= size.noise_m):
-                continue
-            shared_m = hypot(size.scale_sigma * size.height_m, sighting.anchor_sigma_m)
-            height_m, t = size.height_m + sighting.anchor_height_m, self._clock.seconds(sighting.boot_ns)
-            best = RangeReading(t, height_m, size.noise_m, shared_m), (fix.position_ned[0], fix.position_ned[1])
-        if best is not None:
-            estimator.add_size(*best)
-
     def _feed_gimbal(self, estimator: Estimator) -> None:
         """Add the gimbal's attitudes in steps that are finer than its reports, interpolated as it turns: evenly.
 
@@ -237,23 +222,22 @@ def sightings_of(
     """
     if not fixes:
         return None
-    t, rows, sigma, own = [], [], [], []
-    mounts: list[float] = []
-    rays: list[float] = []
+    rays, mounts, by_u, by_v, sigma, t, rows, own = [], [], [], [], [], [], [], []
     for fix in fixes:
-        sighting, ray = fix.sighting, fix.sighting.ray
+        sighting = fix.sighting
         t.append(s_from_ns(sighting.boot_ns + added_ns))
         rows.append(sighting.row_fraction)
-        for row in sighting.body_from_camera:
-            mounts.extend(row)
-        rays += (*ray.direction, *ray.d_du, *ray.d_dv)
+        mounts.append(sighting.body_from_camera)
+        rays.append(sighting.ray.direction)
+        by_u.append(sighting.ray.d_du)
+        by_v.append(sighting.ray.d_dv)
         sigma.append(sighting.pixel_sigma)
         own.append(_own_noise(fix, own_poses=own_poses))
-    count = len(fixes)
-    body_from_camera, camera = np.array(mounts).reshape(count, 3, 3), np.array(rays).reshape(count, 3, 3)
-    ray, u, v = (camera @ body_from_camera.swapaxes(1, 2)).transpose(1, 2, 0)  # (3, D) each, carrier axes
-    frame, none = np.array([number] * count, np.int64), np.array([-1] * count, np.int64)
-    noise = np.array(own).T if any(map(any, own)) else None
+    mount = np.array(mounts)  # (D, 3, 3)
+    count, columns = len(fixes), np.array([rays, by_u, by_v]).reshape(3, len(fixes), 3)
+    ray, u, v = np.einsum("dij,cdj->cid", mount, columns)  # (3, D) each, carrier axes
+    frame, none = np.full(count, number, np.int64), np.full(count, -1, np.int64)
+    noise = np.array(own).T if np.any(own) else None
     return Sightings(np.array(t), ray, _tangents(u, v, np.array(sigma).T), frame, none, np.array(rows), noise)
 
 
@@ -265,8 +249,8 @@ def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]
     """
     state = fix.sighting.state
     if not own_poses:
-        tilt_sigma = state.gimbal.tilt_sigma if isinstance(state.gimbal, GimbalAt) else 0.0
-        return hypot(state.carrier_sigma, tilt_sigma), 0.0, 0.0
+        gimbal = state.gimbal
+        return (hypot(gimbal.sigma, gimbal.tilt_sigma) if isinstance(gimbal, GimbalAt) else 0.0), 0.0, 0.0
     level_m, up_m = state.position_sigma_m, state.height_sigma_m
     if fix.ground == "fixed":  # at a height below the camera: that of the camera does not count
         up_m = 0.0
@@ -275,6 +259,6 @@ def _own_noise(fix: GroundFix, *, own_poses: bool) -> tuple[float, float, float]
 
 def _tangents(u: Array, v: Array, sigma: Array) -> Array:
     """Rows (2, 3, D) from a direction to pixels over their sigma (2, D): a pseudo-inverse."""
-    uu, uv, vv = np.add.reduce(u * u, 0), np.add.reduce(u * v, 0), np.add.reduce(v * v, 0)  # (D,)
-    rows = np.array([vv * u - uv * v, uu * v - uv * u])  # (2, 3, D)
-    return np.asarray(rows / ((uu * vv - uv * uv) * sigma[:, None]))
+    uu, uv, vv = (u * u).sum(0), (u * v).sum(0), (v * v).sum(0)
+    rows = np.stack([vv * u - uv * v, uu * v - uv * u]) / (uu * vv - uv * uv)  # (2, 3, D)
+    return np.asarray(rows / sigma[:, None])

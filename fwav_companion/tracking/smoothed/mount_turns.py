@@ -20,10 +20,9 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.initiation import Clustering, cluster, quarter_turns, sight_poses
 from fwav_companion.estimation.kept_sightings import Sightings, joined, spread
 from fwav_companion.estimation.measurement import Poses
-from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.tracking.smoothed.named_mounts import named
+from fwav_companion.self_calibration.named_mounts import named
 
 EVERY_NS = 200 * NS_PER_MS
 """Least time between two frames whose sights are kept: sixty of them span many headings."""
@@ -31,9 +30,8 @@ MOST_KEPT = 240
 """Sights that are kept: of five targets those of ten seconds."""
 MOST_JUDGED, LEAST_JUDGED = 60, 24
 """Most and least sights of one label that are judged, evenly over those that are kept."""
-FRESH, FRESH_SHARE = 8, 8
-"""Frames with new sights between two judgements: at least these, and one for this many kept sights, because the same
-sights again give the same judgement."""
+FRESH = 8
+"""Frames with new sights between two judgements."""
 AXIS = 2
 """The camera looks along its z axis."""
 
@@ -64,9 +62,7 @@ class MountTurns:
 
     def copy(self) -> MountTurns:
         """A snapshot."""
-        other = shallow_copy(self)
-        other._kept = self._kept.copy()
-        return other
+        return replace(self, _kept=self._kept.copy())
 
     def add(self, labels: Sequence[str], sights: Sightings, mount: Matrix3, host_ns: HostNs) -> None:
         """Keep the sights of a frame's static targets, at most five frames a second."""
@@ -95,11 +91,7 @@ class MountTurns:
 
     def _started(self, estimator: Estimator) -> JudgedTurns | None:
         """A judgement of the label that is seen most, where there are enough new sights and the mount is not known."""
-        if (
-            self._fresh < max(FRESH, len(self._kept) // FRESH_SHARE)
-            or self.body_from_camera is None
-            or not estimator.carrier.shows_motion()
-        ):
+        if self._fresh < FRESH or self.body_from_camera is None or not estimator.carrier.shows_motion():
             return None
         label, count = Counter(label for label, _ in self._kept).most_common(1)[0]
         if count < LEAST_JUDGED:

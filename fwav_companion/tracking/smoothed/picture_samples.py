@@ -24,10 +24,10 @@ class PictureSamples:
     def rewind(self) -> None:
         """Do nothing: each picture brings its pose."""
 
-    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView | None = None) -> None:
+    def feed(self, estimator: Estimator, reference: GroundReference, view: FrameView) -> None:
         """Hand over the pose of the frame's picture. ``reference``: the source of heights."""
-        state = None if view is None else view.vehicle
-        if view is None or state is None or state.position_ned is None:
+        state = view.vehicle
+        if state is None or state.position_ned is None:
             return
         north, east, down = state.position_ned
         height_m = reference.level_m if reference.height is HeightReference.CONSTANT else -down

@@ -11,7 +11,7 @@ from math import dist
 
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.target_pairs import separation2
-from fwav_companion.tracking.live_track import LiveTrack
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import TrackState
 
 SEPARATION2 = 9.0
@@ -21,7 +21,7 @@ NEAR_NOISE2 = 4.0
 large, or too uncertain, to say so: two targets beyond each other's noise stay two until they are known better."""
 
 
-def merged(tracks: Sequence[LiveTrack], estimator: Estimator) -> list[LiveTrack]:
+def merged(tracks: Sequence[SmoothedTrack], estimator: Estimator) -> list[SmoothedTrack]:
     """The tracks after merging: the one that was confirmed first goes on.
 
     A junior ends only in a frame with a fix for either, so that no fix is lost.
@@ -40,7 +40,7 @@ def merged(tracks: Sequence[LiveTrack], estimator: Estimator) -> list[LiveTrack]
     return after
 
 
-def _may_be_one(one: LiveTrack, other: LiveTrack, estimator: Estimator) -> bool:
+def _may_be_one(one: SmoothedTrack, other: SmoothedTrack, estimator: Estimator) -> bool:
     live = estimator.live
     alike = one.label == other.label and one.moving == other.moving
     if live is None or not alike or other.id in one.together or one.id not in live or other.id not in live:

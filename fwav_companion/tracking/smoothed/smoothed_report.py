@@ -16,15 +16,10 @@ from fwav_companion.estimation.errors import (
 )
 from fwav_companion.estimation.estimator import REFUSED_WEIGHT, Estimator
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, KeptCalibration, PriorInflation
+from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses, parameter_reports
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
-from fwav_companion.types.calibration_report import (
-    CalibrationReport,
-    CalibrationStatus,
-    KeptCalibration,
-    PriorInflation,
-    SharedParameter,
-)
 from fwav_companion.types.flight_status import ParameterReport
 
 _NAMED = {CAMERA_DELAY: SharedParameter.DELAY, HEIGHT: SharedParameter.HEIGHT} | {
@@ -94,7 +89,7 @@ def _status(
 def _inflation(index: int, status: ParameterStatus) -> PriorInflation:
     """A contradicted prior; of the mount as a correction."""
     sign = -1.0 if MOUNT.start <= index < MOUNT.stop else 1.0
-    return PriorInflation(_NAMED[index], sign * status.prior_mean, status.prior_sigma, sign * status.without_prior)
+    return PriorInflation(_NAMED[index], sign * status.prior_mean, status.prior_sigma, sign * status.alone)
 
 
 def _kept(statuses: Sequence[ParameterStatus]) -> KeptCalibration:

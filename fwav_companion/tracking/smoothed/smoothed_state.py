@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import msgspec
 
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.estimation.snapshots import shallow_copy
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.smoothed.mount_turns import MountTurns
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.types import GroundReference, Reason
@@ -41,11 +40,11 @@ class SmoothedState:
     """The ground of the estimator's model."""
     stored: StoredCalibration
     relative: bool = False
-    """Whether there is no position: the way of the vehicle is the error of the position, which stays where it began."""
+    """Whether there is no position: a static target stays where it is relative to the vehicle."""
     next_id: int = 1
     next_still: int = 0
     pending: PendingSolve | None = None
-    tracks: tuple[LiveTrack, ...] = ()
+    tracks: tuple[SmoothedTrack, ...] = ()
     """Live tracks by id."""
     detector: DetectorModel = field(default_factory=DetectorModel)
     waiting: dict[int, tuple[Sightings, ...]] = field(default_factory=dict)
@@ -60,10 +59,10 @@ class SmoothedState:
 
     def copy(self) -> SmoothedState:
         """A snapshot."""
-        other = shallow_copy(self)
-        other.estimator, other.landmarks, other.turns = self.estimator.copy(), self.landmarks.copy(), self.turns.copy()
-        other.waiting, other.still, other.taught = dict(self.waiting), dict(self.still), dict(self.taught)
-        return other
+        return replace(
+            self, estimator=self.estimator.copy(), landmarks=self.landmarks.copy(), waiting=dict(self.waiting),
+            still=dict(self.still), taught=dict(self.taught), turns=self.turns.copy(),
+        )  # fmt: skip
 
     def track_of(self, number: int) -> int:
         """The track of a number in the estimator."""

@@ -12,7 +12,7 @@ from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.variance_shares import variance_shares
 from fwav_companion.geometry.rotations import rotate
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add
-from fwav_companion.tracking.live_track import LiveTrack
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types import FrameView, GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
@@ -37,17 +37,13 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
 
     @property
     def position_ned(self) -> Vector3:
-        """Position in NED, metres; without a position of the vehicle that from the point below it."""
-        if self.frame.is_relative:
-            return self.apparent_ned
+        """Position in NED, metres."""
         north, east, up = self.answer.place.tolist()
         return (north, east, self._down(-up))
 
     @property
     def cov(self) -> Matrix3:
         """Covariance of the position by every source of error, NED, m^2."""
-        if self.frame.is_relative:
-            return self.relative_cov
         return self._ned(self.answer.covariance)
 
     @property
@@ -95,24 +91,16 @@ class SmoothedTarget(msgspec.Struct, frozen=True):
 class FrameAnswers:
     """The smoother's answers at one frame's capture."""
 
-    __slots__ = ("_estimator", "_lever_ned", "_targets", "_vehicle_ned", "gates", "is_mapped", "is_relative", "t")
+    __slots__ = ("_estimator", "_lever_ned", "_targets", "_vehicle_ned", "gates", "is_mapped", "t")
 
     def __init__(
-        self,
-        estimator: Estimator,
-        t: float,
-        view: FrameView,
-        lever_m: Vector3,
-        *,
-        is_mapped: bool = False,
-        is_relative: bool = False,
+        self, estimator: Estimator, t: float, view: FrameView, lever_m: Vector3, *, is_mapped: bool = False
     ) -> None:
         """``t``: capture of row 0, seconds on the autopilot's clock. ``lever_m``: to the camera, body axes, metres.
 
-        ``is_mapped``: whether the ground is an elevation model. ``is_relative``: whether there is no position.
+        ``is_mapped``: whether the ground is an elevation model.
         """
-        self._estimator, self.t = estimator, t
-        self.is_mapped, self.is_relative = is_mapped, is_relative
+        self._estimator, self.t, self.is_mapped = estimator, t, is_mapped
         self._lever_ned: Vector3 = (0.0, 0.0, 0.0)
         if view.vehicle is not None and view.vehicle_ned is not None:
             self._lever_ned = rotate(view.vehicle.ned_from_body, lever_m)
@@ -129,14 +117,14 @@ class FrameAnswers:
         """Gating statistics of a fix of this frame."""
         return self.gates.get((track, fix), OUTSIDE_GATE)
 
-    def target(self, track: LiveTrack) -> SmoothedTarget | None:
+    def target(self, track: SmoothedTrack) -> SmoothedTarget | None:
         """The track's target; None where the live filter does not hold it."""
         key = (track.id, id(track.last_fix))
         if key not in self._targets:
             self._targets[key] = self._target(track)
         return self._targets[key]
 
-    def _target(self, track: LiveTrack) -> SmoothedTarget | None:
+    def _target(self, track: SmoothedTrack) -> SmoothedTarget | None:
         answer, live = self._estimator.answer(track.id, self.t), self._estimator.live
         if answer is None or live is None:
             return None
@@ -154,7 +142,7 @@ class FrameAnswers:
         """Horizontal variance of a target by cause, m^2."""
         return variance_shares(self._estimator.live, target)
 
-    def displaced_m(self, track: LiveTrack) -> float:
+    def displaced_m(self, track: SmoothedTrack) -> float:
         """Distance by which the estimated mount and tilt displace a target from where the configuration expects it."""
         live = self._estimator.live
         if live is None:

@@ -17,12 +17,12 @@ from fwav_companion.estimation.common_errors import common_errors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.estimation.solve import Estimate
-from fwav_companion.estimation.wander import FIRST_KERNEL
+from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.estimation.whole_flight import WholeFlight
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.tracking.crowd import Crowd
-from fwav_companion.tracking.live_track import LiveTrack
+from fwav_companion.self_calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.crowd import NEW_TARGETS, Crowd
 from fwav_companion.tracking.motions import Motions
 from fwav_companion.tracking.smoothed.flight_clock import FlightClock
 from fwav_companion.tracking.smoothed.flight_errors import sample_noise, shared_priors
@@ -33,16 +33,17 @@ from fwav_companion.tracking.smoothed.flight_ground import (
     surface_of,
     target_height,
 )
-from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_receiver, follow_sizes
+from fwav_companion.tracking.smoothed.flight_model import follow_ground, follow_receiver
 from fwav_companion.tracking.smoothed.flight_samples import FlightSamples, sightings_of
 from fwav_companion.tracking.smoothed.picture_samples import PictureSamples
 from fwav_companion.tracking.smoothed.sample_source import SampleSource
-from fwav_companion.tracking.smoothed.smoothed_frame import SmoothedFrame
+from fwav_companion.tracking.smoothed.smoothed_frame import FrameTracks
 from fwav_companion.tracking.smoothed.smoothed_landmarks import SmoothedLandmarks
 from fwav_companion.tracking.smoothed.smoothed_merging import merged
 from fwav_companion.tracking.smoothed.smoothed_report import smoothed_report
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
 from fwav_companion.tracking.smoothed.smoothed_target import FrameAnswers, SmoothedTarget
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.solve_jobs import PendingSolve, SmootherOptions, SolveCounts
 from fwav_companion.tracking.smoothed.stored_calibration import StoredCalibration
 from fwav_companion.tracking.smoothed.teaching import forget_ended, teach, teach_displaced
@@ -57,7 +58,6 @@ from fwav_companion.types import (
     Track,
     TrackState,
 )
-from fwav_companion.types.calibration_report import CalibrationReport, KeptCalibration
 from fwav_companion.types.flight_status import SolveReport
 from fwav_companion.types.tracks import CommonErrors, FinalPlace
 
@@ -71,7 +71,7 @@ the first one the answers are those of the live filter by the priors."""
 STAMP_SIGMA_S = 0.0007
 """One sigma of a picture's instant before the first state is known: stamps of attitudes come 0 to 2.5 ms late."""
 
-NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), FIRST_KERNEL)
+NO_ESTIMATE = Estimate(0.0, np.full(1, np.nan), {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
 
 
 class SmoothedTracker:
@@ -187,6 +187,14 @@ class SmoothedTracker:
     def next_id(self, next_id: int) -> None:
         self._state.next_id = next_id
 
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Nothing is due between frames."""
+        return None
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Do nothing: nothing is due between frames."""
+
     def best_targets(self) -> dict[int, SmoothedTarget]:
         """The reported targets of all live tracks, by id."""
         answers = self._answers
@@ -221,34 +229,31 @@ class SmoothedTracker:
         reference = self._ground()
         self._samples.feed(estimator, reference, view)
         follow_ground(state, reference, self._samples.level_m)
-        if estimator.carrier.sizes.began:
-            follow_sizes(state)
         taken_over = self._take_over(t)
         follow_receiver(state, view, t, STAMP_SIGMA_S)
         if not self._begins(t) or estimator.live is None:
             return ()
-        estimator.live.begin_frame(t)
+        estimator.live.predict(t)
         sights = sightings_of(view.frame, view.fixes, own_poses=self._own_poses, added_ns=added_ns)
         answers = self._answers = FrameAnswers(
-            estimator, t, view, self._lever_m, is_mapped=reference.surface is not None, is_relative=state.relative
+            estimator, t, view, self._lever_m, is_mapped=reference.surface is not None
         )
-        frame = SmoothedFrame(
-            state, view, sights, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
+        frame = FrameTracks(
+            state, view, answers, self._motions.moves, lambda fix: target_height(fix, self._priors),
             reports_innovations=self.reports_innovations,
         )  # fmt: skip
         before = state.tracks
-        tracks = frame.begun(frame.updated())
+        after = frame.updated(before, sights)
+        tracks, crowd = frame.begun(after, sights), self._crowd_after(view, before, frame)
         if sights is not None:
             teach(state, view, sights, tracks, self._priors, answers.gates)
             teach_displaced(state, sights, frame.displaced, tracks)
         tracks = frame.continued(tracks)
-        state.next_id = frame.next_id
         if taken_over:
             tracks = merged(tracks, estimator)
         state.detector = detector_after(
-            state.detector, view.host_ns, before, tracks,
-            refused=frame.refused, id_trust=frame.id_trust, crowd=frame.crowd_after(),
-        )  # fmt: skip
+            state.detector, view.host_ns, before, tracks, refused=frame.refused, id_trust=frame.id_trust, crowd=crowd
+        )
         state.unused_fixes = frame.unused(tracks)
         if sights is not None and not estimator.model.consider:
             self._judge_mount(view, sights)
@@ -261,10 +266,6 @@ class SmoothedTracker:
             due_s = t + (SEARCH_TAKE_OVER_S if task.search else TAKE_OVER_S)
             state.pending = PendingSolve(due_s, self._smoother.solver(task))
         return reports
-
-    def on_telemetry(self) -> None:
-        """Take the telemetry since the newest frame: the path has no gap between photographs."""
-        self._samples.feed(self._state.estimator, self._ground())
 
     def _begins(self, t: float) -> bool:
         """Whether the live filter has begun. Where a late frame has earlier ones processed again, those that came too
@@ -299,7 +300,7 @@ class SmoothedTracker:
         self._solves.taken += 1
         return True
 
-    def _reports(self, tracks: Sequence[LiveTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
+    def _reports(self, tracks: Sequence[SmoothedTrack], view: FrameView, answers: FrameAnswers) -> tuple[Track, ...]:
         misplaced_m = self._state.turns.misplaced_m
         targets = ((track, answers.target(track)) for track in tracks if track.id > 0)
         return tuple([track.report(target, view, misplaced_m) for track, target in targets if target is not None])
@@ -312,6 +313,15 @@ class SmoothedTracker:
             mount = view.fixes[0].sighting.body_from_camera
             turns.add([labels[i] for i in static], sights.select(np.array(static)), mount, view.host_ns)
         turns.judge(self._state.estimator)
+
+    def _crowd_after(self, view: FrameView, before: Sequence[SmoothedTrack], frame: FrameTracks) -> Crowd:
+        """The crowd after a frame; unchanged where tracks took nearly all of its fixes."""
+        detector, left = self._state.detector, frame.left
+        if not detector.crowd.labels and len(left) <= NEW_TARGETS:
+            return detector.crowd
+        tentative = [view.fixes[frame.taken[t.id].index] for t in before if t.id in frame.taken and not t.confirmed]
+        elapsed_s = None if detector.last_ns is None else detector.elapsed_s(view.host_ns)
+        return detector.crowd.after_frame([view.fixes[j] for j in left], tentative, elapsed_s)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
@@ -28,36 +28,17 @@ Solver = Callable[["SolveTask"], SolveJob]
 class InLineJob:
     """A solve that is computed when its estimate is asked for, once."""
 
-    __slots__ = ("_estimate", "_late_frames", "_task")
+    __slots__ = ("_estimate", "_task")
 
-    def __init__(self, task: SolveTask, late_frames: int = 0) -> None:
-        """``late_frames``: number of frames that first ask in vain."""
-        self._task, self._late_frames = task, late_frames
+    def __init__(self, task: SolveTask) -> None:
+        self._task = task
         self._estimate: Estimate | None = None
 
-    def estimate(self) -> Estimate | None:
+    def estimate(self) -> Estimate:
         """The estimate."""
-        if self._late_frames > 0:
-            self._late_frames -= 1
-            return None
         if self._estimate is None:
             self._estimate = self._task.run()
         return self._estimate
-
-
-class RecordedSolver:
-    """Solves in line, each as late as it was in the recorded flight: a replay takes over what the flight took over."""
-
-    __slots__ = ("_late_frames", "_started")
-
-    def __init__(self, late_frames: Mapping[int, int]) -> None:
-        """``late_frames``: number of frames that asked in vain, by the solve's number, from 1 in order of starts."""
-        self._late_frames, self._started = late_frames, 0
-
-    def __call__(self, task: SolveTask) -> InLineJob:
-        """Start a solve."""
-        self._started += 1
-        return InLineJob(task, self._late_frames.get(self._started, 0))
 
 
 class SmootherOptions(msgspec.Struct, frozen=True):
@@ -66,10 +47,6 @@ class SmootherOptions(msgspec.Struct, frozen=True):
     solver: Solver = InLineJob
     whole_flight: bool = False
     """Keep sightings for the answers by the whole flight."""
-
-
-IN_LINE = SmootherOptions()
-"""Solves are computed where they are taken over."""
 
 
 class PendingSolve(msgspec.Struct, frozen=True):

@@ -16,8 +16,8 @@ from fwav_companion.estimation.frame_prediction import GATE2
 from fwav_companion.estimation.initiation import begin_target
 from fwav_companion.estimation.kept_sightings import Sightings
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState, StillTarget
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
 PATIENCE_NS = 6 * NS_PER_S
@@ -31,7 +31,7 @@ MOST_WAITING = 256
 
 
 def still_sightings(
-    state: SmoothedState, seen: Sequence[tuple[int, LiveTrack]], sights: Sightings, host_ns: HostNs,
+    state: SmoothedState, seen: Sequence[tuple[int, SmoothedTrack]], sights: Sightings, host_ns: HostNs,
     gates: Mapping[tuple[int, int], GateResult],
 ) -> list[tuple[int, int, bool]]:  # fmt: skip
     """The rows of a frame's sightings that are also of a still target: index, its number, whether it teaches.
@@ -66,7 +66,7 @@ def still_sightings(
     return rows
 
 
-def _begin(state: SmoothedState, track: LiveTrack, own: Sightings, host_ns: HostNs) -> None:
+def _begin(state: SmoothedState, track: SmoothedTrack, own: Sightings, host_ns: HostNs) -> None:
     number = FIRST_NUMBER + state.next_still
     state.next_still += 1
     live = state.estimator.live

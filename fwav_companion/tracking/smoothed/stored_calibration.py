@@ -9,7 +9,7 @@ import numpy as np
 from fwav_companion.estimation.errors import CAMERA_DELAY, MOUNT, SharedPriors
 from fwav_companion.estimation.estimator import Estimator
 from fwav_companion.estimation.solve import Estimate
-from fwav_companion.estimation.wander import FIRST_KERNEL
+from fwav_companion.estimation.wander import SMOOTH
 from fwav_companion.tracking.smoothed.parameter_reports import camera_statuses
 
 DENIALS = 2
@@ -45,6 +45,6 @@ class StoredCalibration:
 def _restart(estimator: Estimator, priors: SharedPriors) -> None:
     """Let the next solve begin at these priors. Until it is taken over, the live filter answers as before."""
     estimator.model = replace(estimator.model, priors=priors)
-    estimator.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), FIRST_KERNEL)
+    estimator.estimate = Estimate(-np.inf, priors.mean, {}, np.zeros(0), np.zeros((0, 3)), SMOOTH)
     if estimator.live is not None:
         estimator.live.model = estimator.model

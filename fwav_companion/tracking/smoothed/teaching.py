@@ -12,9 +12,9 @@ import numpy as np
 
 from fwav_companion.estimation.ground import TargetPrior
 from fwav_companion.estimation.kept_sightings import Sightings
-from fwav_companion.tracking.live_track import LiveTrack
 from fwav_companion.tracking.smoothed.flight_ground import target_height
 from fwav_companion.tracking.smoothed.smoothed_state import SmoothedState
+from fwav_companion.tracking.smoothed.smoothed_track import SmoothedTrack
 from fwav_companion.tracking.smoothed.still_targets import still_sightings
 from fwav_companion.types import ErrorPriors, FrameView, TrackState
 from fwav_companion.types.tracks import GateResult
@@ -24,7 +24,7 @@ MOST_WAITING = 64
 
 
 def teach(
-    state: SmoothedState, view: FrameView, sights: Sightings, tracks: Sequence[LiveTrack], priors: ErrorPriors,
+    state: SmoothedState, view: FrameView, sights: Sightings, tracks: Sequence[SmoothedTrack], priors: ErrorPriors,
     gates: Mapping[tuple[int, int], GateResult],
 ) -> None:  # fmt: skip
     """Hand the frame's sightings to the live filter, and those of confirmed static tracks to the solves.
@@ -52,12 +52,12 @@ def teach(
         rows += still_sightings(state, moving, sights, view.host_ns, gates)
     if rows:
         rows.sort()
-        which, targets, teaching = [np.array(column) for column in zip(*rows, strict=True)]
+        which, targets, teaching = (np.array(column) for column in zip(*rows, strict=True))
         estimator.update_pairs(sights, which, targets, teaching)
 
 
 def teach_displaced(
-    state: SmoothedState, sights: Sightings, displaced: Mapping[int, int], tracks: Sequence[LiveTrack]
+    state: SmoothedState, sights: Sightings, displaced: Mapping[int, int], tracks: Sequence[SmoothedTrack]
 ) -> None:
     """Keep sightings beyond the gates of their tracks for the solves. ``displaced``: tracks by index of the fix."""
     confirmed = {track.id for track in tracks if track.confirmed}
@@ -66,7 +66,7 @@ def teach_displaced(
             state.estimator.refuse(sights.select(np.array([fix])).with_targets(np.array([number])))
 
 
-def _release(state: SmoothedState, track: LiveTrack, priors: ErrorPriors) -> None:
+def _release(state: SmoothedState, track: SmoothedTrack, priors: ErrorPriors) -> None:
     """Hand over the sightings of a track from before its confirmation, and the height of its target."""
     for sights in state.waiting[track.id]:
         state.estimator.record(sights)
@@ -76,7 +76,7 @@ def _release(state: SmoothedState, track: LiveTrack, priors: ErrorPriors) -> Non
         state.estimator.targets[track.id] = TargetPrior(height_m=height_m, height_sigma_m=sigma_m)
 
 
-def forget_ended(state: SmoothedState, tracks: Sequence[LiveTrack]) -> None:
+def forget_ended(state: SmoothedState, tracks: Sequence[SmoothedTrack]) -> None:
     """Delete what belongs to tracks that have ended."""
     for track in tracks:
         if track.life.state is TrackState.DROPPED:

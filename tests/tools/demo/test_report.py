@@ -76,7 +76,7 @@ def test_the_page_is_whole_and_needs_nothing_from_elsewhere(drawn):
         assert words in html
     charts = sum(bool(each.points) for each in drawn.targets)
     assert charts >= 2
-    assert html.count("<svg") == charts + 8  # and the map, the picture, the clock, the gaps, delay and mount
+    assert html.count("<svg") == charts + 4  # and the map, the picture, the clock, the gaps
 
 
 def test_another_flight_has_a_chapter_of_its_own(drawn):

@@ -16,7 +16,7 @@ from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.network import make_node
-from fwav_companion.tools.doctor.evidence import Board, Evidence, Files, Folder
+from fwav_companion.tools.doctor.evidence import Board, Evidence, Files
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.run_status import run_status
@@ -29,9 +29,6 @@ from sitl_mock import Options, simulate
 
 TEXT = AUTOPILOT + GROUND + '[camera]\ncalibration = "camera.yaml"\n'
 SECONDS = 10.0
-STATE = Folder(
-    key="[state] directory", path="state", writable=True, read_only=False, file_system="ext4", free_bytes=None
-)
 
 Wire = Callable[[bytes, int], list[bytes]]
 
@@ -159,7 +156,7 @@ def evidence_of(hearing: Hearing, board: Board | None = None) -> Evidence:
     """The evidence with a healthy board and a camera file."""
     return Evidence(
         config=hearing.config,
-        board=board or Board(user="pilot", folders=[STATE]),
+        board=board or Board(user="pilot"),
         files=Files(calibration=hearing.calibration),
         status=run_status(hearing.status()),
     )

@@ -77,9 +77,7 @@ def test_a_recording_that_a_full_disk_stopped_is_its_consequence(healthy):
     full = Folder(
         key="[record] directory", path="/records", writable=True, read_only=False, file_system="ext4", free_bytes=0
     )
-    evidence = msgspec.structs.replace(
-        healthy, board=msgspec.structs.replace(healthy.board, folders=[*healthy.board.folders, full])
-    )
+    evidence = msgspec.structs.replace(healthy, board=msgspec.structs.replace(healthy.board, folders=[full]))
     (finding,) = planted(evidence, *STATUS["recording_stopped"])
     assert (finding.code, codes(finding.consequences)) == ("disk_full", ["recording_stopped"])
 

@@ -165,11 +165,7 @@ def open_key(pi):
 
 
 def nothing_kept(pi):
-    pi.text = pi.text.replace('[state]\ndirectory = "state"\n', "")
-
-
-def calibrates_by_the_file_alone(pi):
-    pi.text += "[tracking]\nself_calibration = false\n"
+    pi.text = pi.text.replace('[state]\ndirectory = "state"\n', "[tracking]\nself_calibration = true\n")
 
 
 def no_video(pi):
@@ -193,7 +189,6 @@ PLANTED = {
     another_file: "calibration",
     open_key: "signing_key",
     nothing_kept: "no_state",
-    calibrates_by_the_file_alone: "self_calibration_off",
     no_video: "camera_missing",
     no_terrain: "terrain_file",
 }

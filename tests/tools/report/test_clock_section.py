@@ -76,10 +76,3 @@ def test_uncertainty_is_95_percent_and_never_beyond_the_hard_bound():
     assert "was known to 0.39 ms (95 %); its hard bound was 1 ms." in text
     wide = [replace(line, sigma_s=9e-4) if isinstance(line, ClockEstimateLine) else line for line in lines]
     assert "was known to 1 ms (95 %)" in Markup(page(flight_data(wide, title=""))).text
-
-
-def test_uncertainty_is_told_of_the_settled_clock_where_the_autopilot_falls_silent_first():
-    silent = replace(clock(9.0, 600.0, 0.2, status="settling"), bound_s=0.6)
-    lines = [header(), *approach([0.0]), *[clock(float(at_s), 600.0, 2e-4) for at_s in range(9)], silent, summary()]
-    text = Markup(page(flight_data(lines, title=""))).text
-    assert "While it was last settled, the offset between the two clocks was known to 0.39 ms (95 %)" in text

@@ -110,9 +110,8 @@ def test_what_a_label_says_is_text():
 @pytest.mark.parametrize(
     ("settings", "kind"),
     [
-        ([], "calibrated"),
-        (["tracking.self_calibration=false"], "plain"),
-        (["tracking.filter=lowpass", "tracking.alpha_rate_hz=0", "tracking.self_calibration=false"], "paper"),
+        ([], "plain"),
+        (["tracking.self_calibration=true"], "calibrated"),
         (["tracking.filter=lowpass", "tracking.alpha_rate_hz=0"], "paper"),
         (["tracking.filter=lowpass"], "own"),
         (["tracking.filter=mine:Filter"], "own"),

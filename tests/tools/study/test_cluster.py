@@ -46,10 +46,6 @@ def explodes(_worker, *_):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def explodes_when_asked():
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 def test_a_user_error_on_a_worker_is_one_here(cluster):
     plan = msgspec.structs.replace(make_plan(), config="[tracking]\nfiltre = 1\n")
     with pytest.raises(UserError, match='did you mean "filter"'):
@@ -137,24 +133,6 @@ def test_a_cluster_started_by_hand_gives_the_bytes_of_the_local_one(tmp_path):
 def test_work_that_kills_every_worker_is_one_line():
     with workers(count=1) as connected, pytest.raises(WorkersDiedError, match=r"every (worker that tried it|one) died"):
         list(connected.run(explodes, [(0, "configured")], FlightWorker, (make_plan(),)))
-
-
-def test_a_worker_that_dies_before_it_is_connected_is_one_line(monkeypatch):
-    """As `distributed` says it of a worker that was killed: a traceback of 40 lines."""
-
-    def dies(**_) -> None:
-        raise RuntimeError("Nanny failed to start.")
-
-    monkeypatch.setattr(cluster_module, "LocalCluster", dies)
-    with pytest.raises(WorkersDiedError, match="a worker died while it started"), workers(count=1):
-        pass
-
-
-@pytest.mark.slow
-def test_a_worker_that_dies_when_it_is_first_asked_is_one_line(monkeypatch):
-    monkeypatch.setattr(cluster_module.worker_facts, "worker_facts", explodes_when_asked)
-    with pytest.raises(WorkersDiedError, match="a worker died while it started"), workers(count=1):
-        pass
 
 
 def test_a_result_is_decoded_as_the_record_that_was_encoded():

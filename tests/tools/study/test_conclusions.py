@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from study_plans import InlineWorkers, make_plan
+from study_plans import CONFIG, InlineWorkers, make_plan
 
 from fwav_companion.__main__ import main
 from fwav_companion.tools.study.answer_text import lines, sentence
@@ -217,10 +217,12 @@ def test_flights_that_flap_say_how_to_fly_a_copter_unless_the_flapping_is_chosen
         assert (hint in study_page(plan, records, answer, InlineWorkers.environment)) is flaps
 
 
-def test_whether_self_calibration_is_on_is_said_in_one_line():
+def test_self_calibration_that_the_study_switches_on_is_said_in_one_line():
     answer = answer_of(make_plan(), study())
     (on,) = [line for line in lines(make_plan(), answer) if "elf-calibration" in line]
-    assert on.startswith("Self-calibration is on. ")
+    assert "fwav-companion.toml has it off" in on
+    configured = make_plan(config=CONFIG.replace("self_calibration = false", "self_calibration = true"))
+    assert "has it off" not in "".join(lines(configured, answer))
     off = make_plan(settings=(("tracking.self_calibration", "false"),))
     answer = answer_of(off, study(calibration="", calibrated_s=None))
     assert "Self-calibration is off." in list(lines(off, answer))

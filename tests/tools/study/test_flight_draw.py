@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
-from study_plans import CONFIG, fly, make_plan
+from study_plans import fly, make_plan
 
 from fwav_companion.camera import BrownConrady
 from fwav_companion.replay import read_telemetry
@@ -111,10 +111,8 @@ def test_truth_and_claim_are_set_apart():
     assert drawn.request["rates_hz"]["GLOBAL_POSITION_INT"] == 5.0
 
 
-def test_self_calibration_is_as_configured_unless_it_is_set():
+def test_self_calibration_is_on_unless_it_is_set():
     assert draw_flight(make_plan(), 0).claim.tracking.self_calibration
-    older = make_plan(config=CONFIG.replace("self_calibration = true", "self_calibration = false"))
-    assert not draw_flight(older, 0).claim.tracking.self_calibration
     off = make_plan(settings=(parse_setting("tracking.self_calibration=false"),))
     assert not draw_flight(off, 0).claim.tracking.self_calibration
 
