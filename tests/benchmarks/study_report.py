@@ -28,9 +28,10 @@ SECONDS, MEMORY_MIB = 5.0, 400.0
 CHILD = """
 import resource, sys
 from fwav_companion.__main__ import main
+from tests.support.peak_memory import peak_kb
 status = main(["study", "--report-only", "--out", sys.argv[1]])
 used = resource.getrusage(resource.RUSAGE_SELF)
-print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+print(used.ru_utime + used.ru_stime, peak_kb() / 1024.0)
 sys.exit(status)
 """
 

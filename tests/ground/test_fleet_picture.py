@@ -166,22 +166,18 @@ def test_malformed_messages_change_nothing_and_are_reported():
 
 MEASURED = """
 import sys
-from pathlib import Path
 sys.path[:0] = {path!r}
+from peak_memory import peak_kb
 from test_fleet_picture import flown
 from simulated_fleet import FleetOptions
 _, _, _, spent = flown(FleetOptions(vehicles=100, targets=100, extent_m=300.0), 20.0)
-(peak,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")]
-print(spent / 20.0, float(peak.split()[1]) / 1024)
+print(spent / 20.0, peak_kb() / 1024)
 """
 
 
 @pytest.mark.slow
 def test_a_hundred_vehicles_cost_less_than_half_a_core_and_300_mib(capsys):
-    """Decoding, fusing and showing 100 vehicles with 10 targets each at 2 Hz, in a process of its own.
-
-    VmHWM is its own peak; ru_maxrss would begin with that of the process that started it.
-    """
+    """Decoding, fusing and showing 100 vehicles with 10 targets each at 2 Hz, in a process of its own."""
     script = MEASURED.format(path=[str(Path(__file__).parent), *sys.path])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=280)
     share, mib = map(float, done.stdout.split())
